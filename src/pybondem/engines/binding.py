@@ -1,0 +1,35 @@
+"""The same physics for another target: re-bind a function's own code to that target's words.
+
+No source text is read or written: a bound function shares the code object of the original, and only the global names
+and closure cells that it uses are replaced, recursively.
+"""
+
+from collections.abc import Callable, Mapping
+from types import CellType, FunctionType
+from typing import Any
+
+Words = Mapping[Any, Any]
+
+
+def bind(function: Callable[..., Any], words: Words, finish: Callable[[FunctionType], Any], made: dict[Any, Any]) -> Any:
+    """Return `function` in another target's words.
+
+    words: replacements for functions of `ops`; finish: what makes a target's function of a plain one (a compiler, or
+    the identity); made: the functions bound so far, extended here.
+    """
+
+    def translate(value: Any) -> Any:
+        if not callable(value):
+            return value
+        if value in words:
+            return words[value]
+        return bind(value, words, finish, made) if isinstance(value, FunctionType) else value
+
+    if function in made:
+        return made[function]
+    code = function.__code__
+    names = {n: translate(function.__globals__[n]) for n in code.co_names if n in function.__globals__}
+    cells = tuple(CellType(translate(cell.cell_contents)) for cell in function.__closure__ or ())
+    plain = FunctionType(code, {**names, "__builtins__": __builtins__}, function.__name__, function.__defaults__, cells)
+    made[function] = finish(plain)
+    return made[function]

@@ -1,0 +1,163 @@
+"""The cpu engine: a program's loops compiled by Numba, on threads and SIMD lanes.
+
+What makes LLVM vectorise them: `prange` loops (compiled with no-alias arguments, on one thread too), bodies that are
+always inlined and return flat tuples, component-first arrays, unsigned indices, 512-bit vectors where there are any.
+The same bits for every number of threads: each item is written by one iteration, sums are taken in fixed order.
+"""
+
+import hashlib
+import importlib.util
+import os
+import platform
+import sys
+import tempfile
+import warnings
+from pathlib import Path
+from types import FunctionType, ModuleType
+from typing import Any
+
+import llvmlite.binding as llvm
+import numba
+import numpy as np
+from numba.core import config
+
+from pybondem import ops
+from pybondem.engines.binding import bind
+from pybondem.engines.loops import INDEX_WORDS, Loops
+from pybondem.errors import EngineError
+from pybondem.program import Program
+from pybondem.state import Arrays
+
+WORDS = {ops.sqrt: np.sqrt, ops.exp: np.exp}
+BONDS_PER_THREAD = 1000  # fewer are faster on fewer threads
+
+
+def inlined(function: FunctionType) -> Any:
+    """Return a function that is always inlined, with IEEE division."""
+    return numba.njit(forceinline=True, error_model="numpy")(function)
+
+
+_BOUND: dict[Any, Any] = {}  # compiled code is never freed: bind each function once
+_MODULES: dict[str, ModuleType] = {}
+
+
+def physical_cores() -> int:
+    """Return the number of physical cores that this process may use."""
+    available = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set(range(os.cpu_count() or 1))
+    siblings = set()
+    for cpu in available:
+        path = Path(f"/sys/devices/system/cpu/cpu{cpu}/topology/thread_siblings_list")
+        siblings.add(path.read_text().strip() if path.exists() else str(cpu))
+    return max(1, len(siblings))
+
+
+def prepare_numba() -> None:
+    """Ask for full-width vectors and for OpenMP threads; both must be set before the first compilation."""
+    if "NUMBA_CPU_FEATURES" not in os.environ and not config.CPU_FEATURES:
+        config.CPU_FEATURES = llvm.get_host_cpu_features().flatten() + ",-prefer-256-bit"
+    if "NUMBA_THREADING_LAYER" not in os.environ:
+        try:
+            from numba.np.ufunc import omppool  # noqa: F401
+        except ImportError:
+            config.THREADING_LAYER = "workqueue"
+            warnings.warn(
+                "OpenMP (libgomp) was not found: threads run on Numba's workqueue, slower on small models.", stacklevel=2
+            )
+        else:
+            config.THREADING_LAYER = "omp"
+
+
+def cache_folder() -> Path:
+    """Return the folder of compiled programs: $PYBONDEM_CACHE, else the user's cache, else a temporary one."""
+    home = os.environ.get("PYBONDEM_CACHE") or Path.home() / ".cache" / "pybondem"
+    try:
+        Path(home).mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=home):
+            return Path(home)
+    except OSError:
+        return Path(tempfile.mkdtemp(prefix="pybondem-"))
+
+
+def fingerprint(loops: Loops) -> str:
+    """Return a key that changes with anything that the compiled code depends on."""
+    key = hashlib.sha256()
+    package = Path(__file__).parents[1]
+    for part in ("ops.py", "program.py", "engines", "physics"):
+        for path in sorted((package / part).rglob("*.py")) if (package / part).is_dir() else [package / part]:
+            key.update(path.read_bytes())
+    for name, body in loops.bodies.items():
+        key.update(name.encode() + _code_of(body, set()))
+    versions = (numba.__version__, llvm.llvm_version_info, np.__version__, sys.version, platform.machine())
+    key.update(repr((loops.source, versions, config.CPU_FEATURES, llvm.get_host_cpu_name())).encode())
+    return key.hexdigest()[:24]
+
+
+def _code_of(value: Any, seen: set[Any]) -> bytes:
+    """Return the byte code and constants of a function and of every function and number that it uses."""
+    if not isinstance(value, FunctionType):
+        return repr(value).encode() if isinstance(value, int | float | str | tuple) else b""
+    if value in seen:
+        return b""
+    seen.add(value)
+    code = value.__code__
+    used = [value.__globals__[n] for n in code.co_names if n in value.__globals__]
+    used += [cell.cell_contents for cell in value.__closure__ or ()]
+    constants = repr([c for c in code.co_consts if not hasattr(c, "co_code")]).encode()
+    return code.co_code + constants + b"".join(_code_of(v, seen) for v in used)
+
+
+def compiled(loops: Loops) -> Any:
+    """Return the compiled `advance`, from the cache where an earlier process has left it."""
+    name = f"pybondem_step_{fingerprint(loops)}"
+    if name in _MODULES:
+        return _MODULES[name].advance
+    path = cache_folder() / f"{name}.py"
+    if not path.exists():
+        text = '"""Loops of a step program; made by pybondem, may be deleted."""\n\n' + loops.source
+        with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False) as file:
+            file.write(text)
+        os.replace(file.name, path)
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise EngineError(f"The compiled program {path} cannot be loaded; delete it and run again.")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = _MODULES[name] = module  # Numba's cache looks the module up by name
+    spec.loader.exec_module(module)
+    vars(module).update(INDEX_WORDS, prange=numba.prange, **loops.types)
+    vars(module).update({n: bind(body, WORDS, inlined, _BOUND) for n, body in loops.bodies.items()})
+    module.advance = numba.njit(parallel=True, error_model="numpy", cache=True)(module.advance)  # type: ignore[attr-defined]
+    return module.advance
+
+
+class CpuRunner:
+    """A program as one compiled function."""
+
+    def __init__(self, program: Program, threads: int) -> None:
+        self._loops = Loops(program)
+        bonds = sum(b.count for b in program.blocks)
+        self._threads = max(1, min(threads, bonds // BONDS_PER_THREAD))
+        self._advance = compiled(self._loops)
+
+    def advance(self, steps: int, dt: float, schedule: Arrays) -> None:
+        """Run the program's stages `steps` times, dt [s] apart."""
+        numba.set_num_threads(self._threads)
+        self._advance(steps, *self._loops.values(dt, schedule))
+
+
+class Cpu:
+    """Engine "cpu"; threads: how many to use, physical cores by default."""
+
+    name = "cpu"
+
+    def __init__(self, threads: int | None = None) -> None:
+        most = numba.config.NUMBA_NUM_THREADS
+        if threads is not None and not 1 <= threads <= most:
+            raise EngineError(f"threads is {threads}; this machine allows 1 to {most}.")
+        self.threads = min(threads or physical_cores(), most)
+
+    def prepare(self, program: Program) -> CpuRunner:
+        """Return a runner for the program, compiled on first use on this machine (seconds), then cached."""
+        return CpuRunner(program, self.threads)
+
+
+prepare_numba()

@@ -1,0 +1,92 @@
+"""The reference engine: the same bodies on whole NumPy arrays. Readable, and the oracle for the others."""
+
+from typing import Any
+
+import numpy as np
+
+from pybondem import ops
+from pybondem.engines.binding import bind
+from pybondem.engines.loops import GROUP, SCHEDULED
+from pybondem.program import Program, Stage
+from pybondem.state import Arrays
+
+WORDS = {
+    ops.sqrt: np.sqrt,
+    ops.exp: np.exp,
+    ops.where: np.where,
+    ops.minimum: np.minimum,
+    ops.maximum: np.maximum,
+    ops.absolute: np.abs,
+}
+
+
+class ReferenceRunner:
+    """A program interpreted stage by stage, every stage on all its items at once."""
+
+    def __init__(self, program: Program) -> None:
+        self._program = program
+        made: dict[Any, Any] = {}
+        self._bodies = [bind(s.body, WORDS, lambda f: f, made) if s.body else None for s in program.stages]
+
+    def advance(self, steps: int, dt: float, schedule: Arrays) -> None:
+        """Run the program's stages `steps` times, dt [s] apart."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            for step in range(steps):
+                for stage, body in zip(self._program.stages, self._bodies, strict=True):
+                    rows: dict[str, Any] = {name: a[step + 1 if stage.after else step] for name, a in schedule.items()}
+                    rows["dt"] = dt
+                    if body is None:
+                        self._gather()
+                    else:
+                        self._write(stage, body(*(self._read(stage, name, rows) for name in stage.reads)))
+
+    def _read(self, stage: Stage, name: Any, rows: dict[str, Any]) -> Any:
+        """Return one argument of a body: a number, an array, a tuple of arrays, or a named tuple of these."""
+        if isinstance(name, tuple):
+            kind, *fields = name
+            return kind(*(self._read(stage, f, rows) for f in fields))
+        field, _, end = name.partition(".")
+        if field == "dt":
+            return rows[field]
+        if field in SCHEDULED or field in GROUP:
+            table = rows[field] if field in SCHEDULED else self._program.shared[field]
+            return tuple(table[:, self._program.particles["group"]])
+        if end:
+            return tuple(self._program.particles[field][:, self._program.bonds[stage.over][end]])
+        value = self._home(stage)[field]
+        return tuple(value) if isinstance(value, np.ndarray) and value.ndim == 2 else value
+
+    def _write(self, stage: Stage, values: Any) -> None:
+        """Store what a body returned, in the order of the stage's writes."""
+        rest = list(values) if isinstance(values, tuple) else [values]
+        for name in stage.writes:
+            target = self._home(stage).get(name)
+            if target is None:  # load and energy stand in one array for all blocks
+                block = next(b for b in self._program.blocks if b.name == stage.over)
+                target = self._program.shared[name][..., block.first : block.first + block.count]
+            for row in target if target.ndim == 2 else [target]:
+                row[...] = rest.pop(0)
+
+    def _home(self, stage: Stage) -> dict[str, Any]:
+        return self._program.particles if stage.over == "particles" else self._program.bonds[stage.over]
+
+    def _gather(self) -> None:
+        """Sum the loads of each particle's own bonds in the fixed order of its list."""
+        shared, particles = self._program.shared, self._program.particles
+        bond, side = shared["ends"] >> 1, (shared["ends"] & 1).astype(bool)
+        owner = np.repeat(np.arange(len(shared["first"]) - 1), np.diff(shared["first"].astype(np.int64)))
+        for c in range(3):
+            force = np.where(side, -1.0, 1.0) * shared["load"][c, bond]
+            torque = np.where(side, shared["load"][6 + c, bond], shared["load"][3 + c, bond])
+            for name, part in (("force", force), ("torque", torque)):
+                particles[name][c] = np.bincount(owner, part, minlength=particles[name].shape[1])
+
+
+class Reference:
+    """Engine "reference"."""
+
+    name = "reference"
+
+    def prepare(self, program: Program) -> ReferenceRunner:
+        """Return a runner for the program."""
+        return ReferenceRunner(program)

@@ -1,0 +1,61 @@
+"""Who is next to whom, and in which order particles and bonds are kept."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+def pairs_within(x: Floats, radius: Floats, gap: float) -> Ints:
+    """Return the pairs (m, 2), i < j, sorted, whose surfaces are at most `gap` times (Ri + Rj) apart.
+
+    x: centres (n, 3) [m]; radius (n,) [m]; gap [-].
+    """
+    if len(x) < 2:
+        return np.empty((0, 2), np.int64)
+    largest = float(radius.max())
+    pairs = cKDTree(x).query_pairs((1.0 + gap) * 2.0 * largest, output_type="ndarray").astype(np.int64, copy=False)
+    if float(radius.min()) < largest:
+        reach = (1.0 + gap) * (radius[pairs[:, 0]] + radius[pairs[:, 1]])
+        pairs = pairs[np.linalg.norm(x[pairs[:, 1]] - x[pairs[:, 0]], axis=1) <= reach]
+    return pairs[np.argsort(pairs[:, 0] * len(x) + pairs[:, 1], kind="stable")]
+
+
+def memory_order(x: Floats, radius: Floats) -> Ints:
+    """Return the order in which particles are kept: slab by slab along the longest side, row by row in a slab.
+
+    The neighbours of consecutive particles then lie in a few streams of consecutive particles, which gathers follow
+    better than a Morton or Hilbert curve (measured: 20 against 25 ns per bond-step at 100 000 particles).
+    """
+    if len(x) == 0:
+        return np.empty(0, np.int64)
+    sides = np.ptp(x, axis=0)
+    first, second, third = np.argsort(-sides, kind="stable")
+    cell = 0.8 * float(np.mean(2.0 * radius))
+    slab, row = (np.floor((x[:, a] - x[:, a].min()) / cell + 0.5).astype(np.int64) for a in (first, second))
+    return np.lexsort((x[:, third], row, slab))
+
+
+def own_bonds(i: NDArray[np.uint32], j: NDArray[np.uint32], n: int) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
+    """Return each particle's own bonds as (first, ends): ends[first[p] : first[p + 1]] are 2 * bond + side.
+
+    side is 0 where p is the bond's first end, 1 where it is the second; ascending, the order in which they are summed.
+    """
+    bond = np.arange(len(i), dtype=np.uint32)
+    owner = np.concatenate([i, j])
+    ends = np.concatenate([2 * bond, 2 * bond + np.uint32(1)])
+    order = np.lexsort((ends, owner))
+    first = np.zeros(n + 1, np.uint32)
+    np.cumsum(np.bincount(owner, minlength=n), out=first[1:])
+    return first, ends[order]
+
+
+def pieces(n: int, i: Ints, j: Ints) -> tuple[int, Ints]:
+    """Return the number of connected pieces of n particles under the bonds (i, j), and the piece of each particle."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    count, label = connected_components(coo_array((np.ones(len(i)), (i, j)), shape=(n, n)), directed=False)
+    return int(count), label

@@ -1,0 +1,84 @@
+"""The words that physics may use.
+
+A vector is a tuple of components; a component is a float (plain Python, Numba, CUDA) or an array (NumPy). The six
+words below that are not plain arithmetic are replaced by each engine's own versions (`engines/binding.py`); all
+the others are built from them, so one text serves every engine.
+"""
+
+from math import exp, sqrt
+
+__all__ = [
+    "absolute", "add", "cross", "dot", "exp", "maximum", "minimum", "minus", "norm", "normal_to",
+    "quaternion_product", "rotate", "sqrt", "times", "where",
+]  # fmt: skip
+
+
+def where(condition, a, b):
+    """Return a where the condition holds, else b."""
+    return a if condition else b
+
+
+def minimum(a, b):
+    """Return the smaller of two numbers."""
+    return a if a < b else b
+
+
+def maximum(a, b):
+    """Return the larger of two numbers."""
+    return a if a > b else b
+
+
+def absolute(a):
+    """Return |a|."""
+    return a if a >= 0.0 else -a
+
+
+def add(a, b):
+    """Return the vector a + b."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def minus(a, b):
+    """Return the vector a - b."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+def times(factor, a):
+    """Return the vector factor * a."""
+    return factor * a[0], factor * a[1], factor * a[2]
+
+
+def dot(a, b):
+    """Return the scalar product a . b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def cross(a, b):
+    """Return the vector product a x b."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def norm(a):
+    """Return |a|."""
+    return sqrt(dot(a, a))
+
+
+def normal_to(n, a):
+    """Return the part of a that is normal to the unit vector n."""
+    return minus(a, times(dot(a, n), n))
+
+
+def quaternion_product(p, q):
+    """Return p q, each as (scalar, x, y, z)."""
+    return (
+        p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
+        p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
+        p[0] * q[2] + p[2] * q[0] + p[3] * q[1] - p[1] * q[3],
+        p[0] * q[3] + p[3] * q[0] + p[1] * q[2] - p[2] * q[1],
+    )
+
+
+def rotate(scalar, vector, inverse, a):
+    """Turn a by the quaternion (scalar, vector) of any length, with inverse = 2 / length^2."""
+    first = cross(vector, a)
+    return add(a, times(inverse, add(times(scalar, first), cross(vector, first))))

@@ -1,0 +1,1 @@
+"""Pure physics: numbers in, numbers out, in the words of `ops` alone."""

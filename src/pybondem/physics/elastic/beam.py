@@ -1,0 +1,31 @@
+"""Beams between the centres of two particles.
+
+Timoshenko (Brown, Chen & Ooi, Granular Matter 16, 2014): kn = E A/L, ks = 12 E I / (L^3 (1 + phi)), kt = G J/L,
+kb = E I/L with phi = 12 E I / (G A k L^2). Euler-Bernoulli (Andre et al., Comput. Methods Appl. Mech. Eng. 213, 2012):
+the same with phi = 0.
+"""
+
+from pybondem.physics.elastic.section import area, polar_moment, second_moment
+from pybondem.physics.types import Stiffness
+
+
+def beam_stiffness(E, G, phi, radius, length):
+    """Return the stiffness of a beam of moduli E, G [Pa], shear parameter phi [-], radius and length [m]."""
+    EI = E * second_moment(radius)
+    return Stiffness(
+        E * area(radius) / length,
+        12.0 * EI / (length * length * length * (1.0 + phi)),
+        G * polar_moment(radius) / length,
+        EI / length,
+    )
+
+
+def timoshenko_stiffness(E, G, shear_factor, radius, length):
+    """Return the stiffness of a Timoshenko beam with shear correction factor k."""
+    phi = 12.0 * E * second_moment(radius) / (G * area(radius) * shear_factor * length * length)
+    return beam_stiffness(E, G, phi, radius, length)
+
+
+def euler_bernoulli_stiffness(E, G, radius, length):
+    """Return the stiffness of an Euler-Bernoulli beam."""
+    return beam_stiffness(E, G, 0.0, radius, length)

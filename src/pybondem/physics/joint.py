@@ -1,0 +1,38 @@
+"""The joint element: a bond across an interface, with the interface's own normal.
+
+In a close packing the chord between two spheres is far from the normal of the interface that they lie on either side
+of. A joint therefore stores the normal N0, constant in the material, and measures the displacement beyond rigid
+rotation d = r - R(m) r0 along it (opening) and across it (slip); the zero-thickness interface element of Goodman,
+Taylor & Brekke (1968), between two spheres. With U = kn d_n^2/2 + ks |d_s|^2/2 + (twist and bending as in a bond) its
+load is the exact gradient.
+"""
+
+from pybondem.ops import add, cross, dot, minus, normal_to, times
+from pybondem.physics.frame import material, rotational_load, twist_and_bending
+from pybondem.physics.types import Load, Stretch
+
+
+def stretch(rel, ref):
+    """Return opening d . N, slip d - (d . N) N, twist and bending."""
+    d = minus(rel.r, material(rel, ref.r0))
+    normal = material(rel, ref.normal)
+    opening = dot(d, normal)
+    twist, bending = twist_and_bending(rel)
+    return Stretch(opening, minus(d, times(opening, normal)), twist, bending)
+
+
+def load(rel, ref, k):
+    """Return the load of a joint, minus the gradient of U with respect to the pose of end i."""
+    d = minus(rel.r, material(rel, ref.r0))
+    normal = material(rel, ref.normal)
+    opening = dot(d, normal)
+    pull = add(times(k.kn * opening, normal), times(k.ks, minus(d, times(opening, normal))))
+    turning, couple = rotational_load(rel, k)
+    w = times(-1.0, cross(rel.r, pull))
+    force = add(pull, times(1.0 / rel.length, normal_to(rel.n, turning)))
+    return Load(force, add(times(0.5, cross(rel.t, w)), couple))
+
+
+def reference_direction(ref):
+    """Return the unit vector that opening is measured along in the undeformed joint: its normal."""
+    return ref.normal

@@ -1,0 +1,308 @@
+"""A simulation: model x engine x time step."""
+
+import signal
+import threading
+import time as clocks
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pybondem.assembly import Assembly, Drag, assemble, energy_program, step_program
+from pybondem.check import choice, fraction, nonnegative, positive, vector, whole_number
+from pybondem.damping import Kinetic
+from pybondem.energies import Energies, energies, leapfrog_kinetic
+from pybondem.engines.base import Engine
+from pybondem.errors import InputError, UnstableError
+from pybondem.measure import Measure, Record
+from pybondem.model import BondSet, Model, Selection
+from pybondem.stability import Limit, stability_limit
+
+Floats = NDArray[np.float64]
+ENGINES = ("cpu", "reference", "interpreted")
+LONGEST_BLOCK = 0.25  # seconds between two looks at the progress line, the keyboard and the state
+MOST_STEPS = 4096  # rows of the schedule tables of one block
+EDITABLE = ("x", "q", "v", "w")
+
+
+def make_engine(name: str, threads: int | None = None) -> Engine:
+    """Return an engine by name: "cpu" (Numba, the default), "reference" (NumPy), "interpreted" (plain Python)."""
+    name = choice("engine", name, ENGINES)
+    if name == "reference":
+        from pybondem.engines.reference import Reference
+
+        return Reference()
+    if name == "interpreted":
+        from pybondem.engines.interpreted import Interpreted
+
+        return Interpreted()
+    from pybondem.engines.cpu import Cpu
+
+    return Cpu(threads)
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C was pressed: the block of steps was finished and everything written."""
+
+
+class Simulation:
+    """A model made ready to run.
+
+    engine: "cpu", "reference" or "interpreted"; dt: time step [s], by default `safety` times the critical step of the
+    model's own stiffness; damping: `local`, `viscous` or `kinetic` (see `damping`), None for none; gravity (3,)
+    [m/s2]; threads: of the cpu engine, by default the physical cores. Raises InputError for bad values and
+    UnstableError for a step above the critical one.
+    """
+
+    def __init__(self, model: Model, *, engine: str = "cpu", dt: float | None = None, safety: float = 0.3,
+                 damping: Drag | Kinetic | None = None, gravity: ArrayLike = (0.0, 0.0, 0.0),
+                 threads: int | None = None) -> None:  # fmt: skip
+        if damping is not None and not isinstance(damping, Drag | Kinetic):
+            raise InputError(f"damping is {damping!r}; give local(...), viscous(...), kinetic(...) or None.")
+        self.model = model
+        self.gravity = tuple(float(g) for g in vector("gravity", gravity))
+        self.engine = make_engine(engine, threads)
+        self.state: Assembly = assemble(model)
+        self.start_positions: Floats = self.state.particles["x"].copy()
+        self.limit: Limit = stability_limit(self.state, self.engine)
+        self.dt = self._time_step(dt, safety)
+        self.step = 0
+        self.records: list[Record] = []
+        self._kinetic = damping if isinstance(damping, Kinetic) else None
+        self._kinetic_taken, self._kinetic_before = 0.0, 0.0
+        program = step_program(self.state, self.gravity, damping if isinstance(damping, Drag) else None)
+        self._runner = self.engine.prepare(program)
+        self._energy = energy_program(self.state)
+        self._energy_runner: Any = None
+        self._interrupted = False
+        self._observers: list[Callable[[Simulation], None]] = []
+        self._evaluate()
+
+    def _time_step(self, dt: float | None, safety: float) -> float:
+        """Return the time step [s]: the one asked for, or safety times the critical one."""
+        if dt is None:
+            fraction("safety", safety, 1e-6, 1.0)
+            return safety * self.limit.dt if np.isfinite(self.limit.dt) else 1e-6
+        dt = positive("dt", dt, "s")
+        if dt > self.limit.dt:
+            raise UnstableError(
+                f"dt is {dt:.4g} s, above the critical step {self.limit.dt:.4g} s, which is set by the bonds of particle "
+                f"{self.limit.particle}; leave dt out to have it chosen, or lower it."
+            )
+        return dt
+
+    # Running ----------------------------------------------------------------------------------------------------
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self.step * self.dt
+
+    def record(self, every: int, name: str = "history", **measures: Measure) -> Record:
+        """Keep a table of measures every so many steps, from now on; see `measure`. Returns the growing table."""
+        every = whole_number("every of record", every)
+        for key, measure in measures.items():
+            if not isinstance(measure, Measure):
+                raise InputError(f"record was given {key}={measure!r}; give a measure such as reaction(...) or energy().")
+        record = Record(name, every, measures)
+        record.take(self)
+        self.records.append(record)
+        return record
+
+    def observe(self, observer: Callable[["Simulation"], None]) -> None:
+        """Call observer(simulation) whenever a record falls due; for writers of files."""
+        self._observers.append(observer)
+
+    def run(self, steps: int | None = None, *, time: float | None = None, until: Callable[[], bool] | None = None,
+            title: str = "run", quiet: bool = False) -> "Simulation":  # fmt: skip
+        """Advance by `steps`, or by `time` [s], or until a condition holds (looked at after every record).
+
+        Shows progress unless quiet. Ctrl-C ends after the current block of steps and raises Interrupted. Raises
+        InputError unless one of the three is given, UnstableError where the motion is no longer finite.
+        """
+        from pybondem.output.progress import Progress
+
+        total = self._steps_to_take(steps, time, until)
+        last = None if total is None else self.step + total
+        first, block = self.step, 1
+        with self._keyboard(), Progress(title, total, len(self.model), quiet=quiet) as progress:
+            while (last is None or self.step < last) and not self._interrupted:
+                n = min(block, self._steps_to_record(), MOST_STEPS if last is None else last - self.step)
+                began = clocks.perf_counter()
+                self._advance(n)
+                spent = max(clocks.perf_counter() - began, 1e-9)
+                block = int(np.clip(n * LONGEST_BLOCK / spent, 1, min(2 * block, MOST_STEPS)))
+                done = self._take_records() and until is not None and until()
+                if progress.due():
+                    progress.update(
+                        self.step - first, time=self.time, unbalanced=self.unbalanced, broken=self.broken,
+                        total_bonds=self.bond_count,
+                    )  # fmt: skip
+                if done:
+                    break
+        if self._interrupted:
+            self._interrupted = False
+            raise Interrupted(f"stopped by hand after step {self.step}, t = {self.time:.6g} s.")
+        return self
+
+    def _steps_to_take(self, steps: Any, time: Any, until: Any) -> int | None:
+        if (steps is not None) + (time is not None) > 1 or steps is time is until is None:
+            raise InputError("run needs steps, or time [s], or until; give one of steps and time.")
+        if until is not None and not self.records:
+            raise InputError("run(until=...) looks at its condition after every record; make a record first.")
+        if steps is not None:
+            return whole_number("steps", steps, 0)
+        return None if time is None else round(nonnegative("time", time, "s") / self.dt)
+
+    def _steps_to_record(self) -> int:
+        ahead = [r.every - self.step % r.every for r in self.records]
+        if self._kinetic:
+            ahead.append(self._kinetic.every)
+        return min(ahead, default=MOST_STEPS)
+
+    def _take_records(self) -> bool:
+        due = [r for r in self.records if self.step % r.every == 0]
+        for record in due:
+            record.take(self)
+        if due:
+            for observer in self._observers:
+                observer(self)
+        return bool(due)
+
+    def _advance(self, n: int) -> None:
+        """Advance n steps inside the engine."""
+        self._runner.advance(n, self.dt, self.state.tables.schedule(self.step, n, self.dt))
+        self.step += n
+        if not np.isfinite(self.state.particles["x"].sum()):
+            bad = ~np.isfinite(self.state.particles["x"]).all(axis=0)
+            raise UnstableError(
+                f"the motion is not finite any more at step {self.step} (t = {self.time:.4g} s), first at particle "
+                f"{self.state.order[bad].min()} of {bad.sum()}; lower dt ({self.dt:.3g} s) or look at its bonds."
+            )
+        if self._kinetic:
+            self._stop_at_peak()
+
+    def _stop_at_peak(self) -> None:
+        """Kinetic damping: zero all velocities of free components once the kinetic energy falls."""
+        now = leapfrog_kinetic(self)
+        if now < self._kinetic_before:
+            p, tables = self.state.particles, self.state.tables
+            p["v"] *= tables.hold[:, p["group"]]
+            p["w"] *= tables.turn_hold[:, p["group"]]
+            self._kinetic_taken += now - leapfrog_kinetic(self)
+            now = 0.0
+        self._kinetic_before = now
+
+    def _evaluate(self) -> None:
+        """Evaluate the loads where the model stands (a step of no length), and start the energy book afresh."""
+        self._runner.advance(1, 0.0, self.state.tables.schedule(self.step, 1, self.dt))
+        self._at_start = 0.0
+        self._at_start = self.energies.residual
+
+    @contextmanager
+    def _keyboard(self) -> Iterator[None]:
+        """Let the first Ctrl-C end the run after the current block; a second one breaks off."""
+        if threading.current_thread() is not threading.main_thread():
+            yield
+            return
+        before = signal.getsignal(signal.SIGINT)
+
+        def note(number: int, frame: Any) -> None:
+            signal.signal(signal.SIGINT, before)
+            self._interrupted = True
+
+        signal.signal(signal.SIGINT, note)
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGINT, before)
+
+    # Looking ----------------------------------------------------------------------------------------------------
+
+    @property
+    def particles(self) -> SimpleNamespace:
+        """Copies of the particle fields in the model's own order: x, v, w, force, torque (n, 3), q (n, 4), ..."""
+        p, n = self.state.particles, len(self.model)
+        names = ("x", "q", "v", "w", "force", "torque", "work", "dragged")
+        fields = {name: p[name].T[self.state.position] for name in names}
+        fields |= {name: np.broadcast_to(p[name], n)[self.state.position] for name in ("mass", "inertia")}
+        return SimpleNamespace(**fields)
+
+    @contextmanager
+    def edit(self, name: str) -> Iterator[Floats]:
+        """Change a particle field in place: `with sim.edit("v") as v: v[:] = ...`; one of x, q, v, w, in model order.
+
+        The energy book starts afresh. Raises InputError for another name, a value that is not finite, or q not of
+        unit length.
+        """
+        choice("field to edit", name, EDITABLE)
+        values = self.state.particles[name].T[self.state.position]
+        yield values
+        if not np.isfinite(values).all():
+            bad = np.argwhere(~np.isfinite(values))[0]
+            raise InputError(f"{name}{bad.tolist()} was set to {values[tuple(bad)]}; it must be finite.")
+        if name == "q" and np.abs(np.linalg.norm(values, axis=1) - 1.0).max() > 1e-9:
+            raise InputError("q was set to quaternions that are not of unit length.")
+        self.state.particles[name][:] = values[self.state.order].T
+        self._evaluate()
+
+    def bonds(self, bonds: BondSet) -> SimpleNamespace:
+        """Return copies of the fields of a bond set, in the order of its pairs: damage, energy, load (m, 9), ..."""
+        number = next((k for k, b in enumerate(self.model.bonds) if b is bonds), None)
+        if number is None:
+            raise InputError("these bonds are not of this model; use what Model.bond or Model.join returned.")
+        back = np.empty(len(bonds.pairs), np.int64)
+        back[self.state.bond_order[number]] = np.arange(len(back))
+        block = self.state.blocks[number]
+        arrays = self.state.bonds[block.name]
+        part = slice(block.first, block.first + block.count)
+        fields = {"damage": np.zeros(len(back)), "load": self.state.shared["load"][:, part].T[back]}
+        fields["energy"] = self.bond_energy()[part][back]
+        fields |= {n: np.broadcast_to(a, len(back))[back] for n, a in arrays.items() if np.ndim(a) < 2}
+        return SimpleNamespace(**fields)
+
+    def bond_energy(self) -> Floats:
+        """Return the elastic energy of every bond in memory order (bonds,) [J]."""
+        if not self.state.blocks:
+            return np.zeros(0)
+        if self._energy_runner is None:
+            self._energy_runner = self.engine.prepare(self._energy)
+        self._energy_runner.advance(1, 0.0, {})
+        return self._energy.shared["energy"]
+
+    @property
+    def bond_count(self) -> int:
+        """Number of bonds, broken ones included."""
+        return sum(block.count for block in self.state.blocks)
+
+    @property
+    def broken(self) -> int:
+        """Number of broken bonds (damage 1)."""
+        return sum(int(np.count_nonzero(b["damage"] >= 1.0)) for b in self.state.bonds.values() if "damage" in b)
+
+    @property
+    def unbalanced(self) -> float:
+        """Mean force on free components over the mean force in the bonds [-]."""
+        p = self.state.particles
+        free = 1.0 - self.state.tables.hold[:, p["group"]]
+        load = self.state.shared["load"]
+        inside = float(np.abs(load[:3]).mean()) if load.size else 0.0
+        return float((np.abs(p["force"]) * free).sum() / max(free.sum(), 1.0)) / inside if inside > 0.0 else 0.0
+
+    @property
+    def energies(self) -> Energies:
+        """The energy book now [J]."""
+        book = energies(self, self._kinetic_taken)
+        return book._replace(residual=book.residual - self._at_start)
+
+    def total(self, name: str, where: Selection) -> Floats:
+        """Return the sum of a particle field over a selection."""
+        return self.state.particles[name][:, self.state.position[where.indices]].sum(axis=1)
+
+    def mean_displacement(self, where: Selection) -> Floats:
+        """Return the mean displacement of a selection since the start (3,) [m]."""
+        at = self.state.position[where.indices]
+        return (self.state.particles["x"][:, at] - self.start_positions[:, at]).mean(axis=1)

@@ -1,0 +1,78 @@
+"""THE TABLE: every field of a running model once. Allocation, docs, files and engines read it from here.
+
+Arrays are component-first, (components, n), or (n,) for one component; double precision unless said.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Arrays = dict[str, NDArray]
+
+
+class Field(NamedTuple):
+    """One field: name, number of components, dtype, unit, meaning."""
+
+    name: str
+    components: int
+    dtype: type
+    unit: str
+    meaning: str
+
+
+PARTICLE_FIELDS = (
+    Field("x", 3, np.float64, "m", "position of the centre"),
+    Field("q", 4, np.float64, "-", "orientation, unit quaternion (scalar first), body to global"),
+    Field("v", 3, np.float64, "m/s", "velocity"),
+    Field("w", 3, np.float64, "rad/s", "spin, global axes"),
+    Field("v_ahead", 3, np.float64, "m/s", "velocity foreseen for the end of the step, which dashpots act on"),
+    Field("w_ahead", 3, np.float64, "rad/s", "spin foreseen for the end of the step"),
+    Field("force", 3, np.float64, "N", "sum of bonds, pushes and gravity"),
+    Field("torque", 3, np.float64, "N m", "sum of bonds and pushes"),
+    Field("drag", 3, np.float64, "N", "force of local or global damping"),
+    Field("drag_torque", 3, np.float64, "N m", "torque of local or global damping"),
+    Field("mass", 1, np.float64, "kg", "mass"),
+    Field("inertia", 1, np.float64, "kg m2", "moment of inertia of the sphere"),
+    Field("group", 1, np.uint32, "-", "which set of boundary conditions the particle obeys"),
+    Field("work", 1, np.float64, "J", "work done by drives and pushes on the particle"),
+    Field("dragged", 1, np.float64, "J", "energy taken by local or global damping"),
+)
+
+BOND_FIELDS = (
+    Field("i", 1, np.uint32, "-", "first end"),
+    Field("j", 1, np.uint32, "-", "second end"),
+    Field("r0", 3, np.float64, "m", "chord from i to j when the bond was made"),
+    Field("normal", 3, np.float64, "-", "unit normal of the interface (joints)"),
+    Field("area", 1, np.float64, "m2", "cross-section"),
+    Field("modulus", 1, np.float64, "m3", "bending modulus I/Rb of the cross-section"),
+    Field("power", 1, np.float64, "W", "power that the dashpots of the bond take"),
+    Field("damped", 1, np.float64, "J", "energy that the dashpots of the bond have taken"),
+    Field("damage", 1, np.float64, "-", "damage D, 0 whole to 1 broken"),
+    Field("potential", 1, np.float64, "J", "energy of the modes open to damage, as if undamaged"),
+    Field("lost", 1, np.float64, "J", "energy that damage has dissipated"),
+)
+
+# One row for each bond of every block, in the order of the blocks: force on i, torque on i, torque on j.
+LOAD = Field("load", 9, np.float64, "N, N m", "force on i (3), torque on i (3), torque on j (3)")
+ENERGY = Field("energy", 1, np.float64, "J", "elastic energy of the bond")
+
+GROUP_FIELDS = (
+    Field("hold", 3, np.float64, "-", "1 where a displacement component is prescribed"),
+    Field("turn_hold", 3, np.float64, "-", "1 where a rotation component is prescribed"),
+)
+
+# (steps + 1, components, groups): one row for each step of an engine call, and the row after the last.
+SCHEDULED_FIELDS = (
+    Field("velocity", 3, np.float64, "m/s", "prescribed velocity over the step"),
+    Field("spin", 3, np.float64, "rad/s", "prescribed spin over the step"),
+    Field("push", 3, np.float64, "N", "force put on the particle"),
+    Field("push_torque", 3, np.float64, "N m", "torque put on the particle"),
+)
+
+
+def allocate(fields: tuple[Field, ...], names: set[str], n: int) -> Arrays:
+    """Return zeroed arrays for the named fields of n items."""
+    return {
+        f.name: np.zeros(n if f.components == 1 else (f.components, n), f.dtype) for f in fields if f.name in names
+    }
