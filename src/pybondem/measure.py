@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pybondem.check import choice, positive
+from pybondem.energies import Energies
 from pybondem.errors import InputError, SelectionError
 from pybondem.model import BondSet, Selection
 
@@ -45,6 +46,12 @@ def reaction(where: Selection, axis: str) -> Measure:
     _some("reaction", where)
     c = _axis(axis)
     return Measure({"": "N"}, lambda sim: (float(sim.total("force", where)[c]),))
+
+
+def applied(where: Selection, axis: str) -> Measure:
+    """Return the force [N] along x, y or z that the boundary puts on the selected particles: minus the reaction."""
+    force = reaction(where, axis)
+    return Measure({"": "N"}, lambda sim: (-force.evaluate(sim)[0],))
 
 
 def displacement(where: Selection, axis: str) -> Measure:
@@ -83,10 +90,8 @@ def unbalanced() -> Measure:
 
 
 def energy() -> Measure:
-    """Return the energy book [J]: see `Energies`; its residual is 0 when the book closes."""
-    from pybondem.energies import Energies
-
-    return Measure(dict.fromkeys(Energies._fields, "J"), lambda sim: tuple(sim.energies))
+    """Return the energy book [J], columns energy_kinetic ... energy_residual: see `Energies`; the residual is 0."""
+    return Measure({f"energy_{name}": "J" for name in Energies._fields}, lambda sim: tuple(sim.energies))
 
 
 def slip(joints: BondSet) -> Measure:

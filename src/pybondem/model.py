@@ -159,7 +159,7 @@ class Model:
     def touching(self, gap: float = 0.05, part: str | None = None, between: tuple[str, str] | None = None) -> Ints:
         """Return the pairs (m, 2) of neighbours whose surfaces are at most gap * (Ri + Rj) apart.
 
-        part: only within this part; between: only across these two parts. Raises InputError for a gap below zero or
+        part: only within this part; between: only across these two parts, the first of each pair in the first. Raises InputError for a gap below zero or
         two particles at the same place, SelectionError for an unknown part.
         """
         if not np.isfinite(gap) or gap < 0.0:
@@ -171,7 +171,8 @@ class Model:
             pairs = pairs[(a == self.parts.index(part)) & (b == self.parts.index(part))]
         if between is not None:
             first, second = (self.parts.index(p) for p in between if self.part(p) is not None)
-            pairs = pairs[((a == first) & (b == second)) | ((a == second) & (b == first))]
+            forth, back = (a == first) & (b == second), (a == second) & (b == first)
+            pairs = np.where(back[:, None], pairs[:, ::-1], pairs)[forth | back]
         return pairs
 
     def bond(self, pairs: ArrayLike, bond: Bond) -> BondSet:

@@ -19,6 +19,8 @@ from pybondem.engines.base import Engine
 from pybondem.errors import InputError, UnstableError
 from pybondem.measure import Measure, Record
 from pybondem.model import BondSet, Model, Selection
+from pybondem.physics.frame import relative_pose
+from pybondem.physics.types import Pose, Reference
 from pybondem.stability import Limit, stability_limit
 
 Floats = NDArray[np.float64]
@@ -250,19 +252,44 @@ class Simulation:
         self._evaluate()
 
     def bonds(self, bonds: BondSet) -> SimpleNamespace:
-        """Return copies of the fields of a bond set, in the order of its pairs: damage, energy, load (m, 9), ..."""
-        number = next((k for k, b in enumerate(self.model.bonds) if b is bonds), None)
-        if number is None:
-            raise InputError("these bonds are not of this model; use what Model.bond or Model.join returned.")
-        back = np.empty(len(bonds.pairs), np.int64)
-        back[self.state.bond_order[number]] = np.arange(len(back))
-        block = self.state.blocks[number]
+        """Return copies of the fields of a bond set, in the order of its pairs.
+
+        force (m, 3): force on the first end [N]; damage (m,); energy (m,) [J]; i, j, kn, ks, kt, kb, area, ... (m,).
+        """
+        number = self._number(bonds)
+        block, order = self.state.blocks[number], self.state.bond_order[number]
+        back = np.empty(len(order), np.int64)
+        back[order] = np.arange(len(order))
         arrays = self.state.bonds[block.name]
         part = slice(block.first, block.first + block.count)
-        fields = {"damage": np.zeros(len(back)), "load": self.state.shared["load"][:, part].T[back]}
-        fields["energy"] = self.bond_energy()[part][back]
-        fields |= {n: np.broadcast_to(a, len(back))[back] for n, a in arrays.items() if np.ndim(a) < 2}
-        return SimpleNamespace(**fields)
+        kept_order = self.state.order[arrays["i"]] == bonds.pairs[order, 0]
+        force = np.where(kept_order, 1.0, -1.0) * self.state.shared["load"][:3, part]
+        fields = {"damage": np.zeros(len(back))} | {n: np.broadcast_to(a, len(back)) for n, a in arrays.items() if np.ndim(a) < 2}
+        fields |= {"energy": self.bond_energy()[part], "force": force.T}
+        fields |= {"i": self.state.order[arrays["i"]], "j": self.state.order[arrays["j"]]}
+        return SimpleNamespace(**{name: np.array(value[back]) for name, value in fields.items()})
+
+    def interface(self, joints: BondSet) -> tuple[Floats, Floats]:
+        """Return slip (m,) [m] and shear stress (m,) [Pa] of a set of joints, in the order of its pairs."""
+        from pybondem.engines.reference import on_arrays
+
+        number = self._number(joints)
+        if joints.area is None:
+            raise InputError("interface needs joints (Model.join), these are bonds.")
+        arrays, p = self.state.bonds[self.state.blocks[number].name], self.state.particles
+        i, j = (Pose(tuple(p["x"][:, arrays[end]]), tuple(p["q"][:, arrays[end]])) for end in "ij")
+        reference = Reference(tuple(arrays["r0"]), tuple(arrays["normal"]))
+        stretch = on_arrays(self.state.element(number).stretch)(on_arrays(relative_pose)(i, j), reference)
+        slip, tau = np.empty(len(joints.pairs)), np.empty(len(joints.pairs))
+        slip[self.state.bond_order[number]] = np.sqrt(sum(c * c for c in stretch.slip))
+        tau[self.state.bond_order[number]] = (1.0 - arrays["damage"]) * arrays["ks"] / arrays["area"]
+        return slip, tau * slip
+
+    def _number(self, bonds: BondSet) -> int:
+        for number, known in enumerate(self.model.bonds):
+            if known is bonds:
+                return number
+        raise InputError("these bonds are not of this model; use what Model.bond or Model.join returned.")
 
     def bond_energy(self) -> Floats:
         """Return the elastic energy of every bond in memory order (bonds,) [J]."""

@@ -24,7 +24,7 @@ class Limit:
 
 
 class Stiffness:
-    """The model's stiffness as an operator, matrix-free, on the engine: u -> K u, both (6, n), held components zero."""
+    """The model's stiffness as an operator, matrix-free, on the engine: u -> K u, both (6, n)."""
 
     def __init__(self, done: Assembly, engine: Engine) -> None:
         self._program = linear_program(done)
@@ -33,11 +33,15 @@ class Stiffness:
         self.free = 1.0 - held
 
     def times(self, u: Floats) -> Floats:
-        """Return K u for displacements and rotations u (6, n): the forces and torques that hold it there."""
+        """Return K u on free components for displacements and rotations u (6, n)."""
+        return self.free * self.all_forces(u)
+
+    def all_forces(self, u: Floats) -> Floats:
+        """Return the forces and torques (6, n) that hold the displacements and rotations u (6, n)."""
         particles = self._program.particles
         particles["v"][:], particles["w"][:] = u[:3], u[3:]
         self._runner.advance(1, 0.0, {})
-        return -self.free * np.concatenate([particles["force"], particles["torque"]])
+        return -np.concatenate([particles["force"], particles["torque"]])
 
 
 def stability_limit(done: Assembly, engine: Engine) -> Limit:

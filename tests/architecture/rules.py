@@ -25,7 +25,7 @@ LAYERS = (
     {"packing", "theory", "neighbours", "boundaries", "output"},
     {"model"},
     {"assembly"},
-    {"damping", "stability", "energy"},
+    {"damping", "stability", "energies"},
     {"measure"},
     {"simulation"},
     {"examples"},

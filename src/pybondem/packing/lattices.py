@@ -22,7 +22,7 @@ from pybondem.packing.particles import Particles
 from pybondem.packing.shapes import TOLERANCE, Box, Shape
 
 RUN = 8  # sites of a row that are kept or dropped at once before each is looked at
-MOST_SITES = 10**9  # more than that is a slip of units, not a packing
+MOST_SITES = 10**8  # more than that is a slip of units, not a packing
 COARSEST = 1e-6  # spacing of doubles, in diameters, above which positions are no longer those of a lattice
 PARALLEL = 1e-6  # sine of the angle to the axis below which a row has no direction across it
 

@@ -1,0 +1,93 @@
+"""Linear statics of a model: the answer that an infinitely slow run would give before anything breaks."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.linalg import LinearOperator, cg
+
+from pybondem.assembly import Assembly, assemble
+from pybondem.boundaries import Boundaries
+from pybondem.engines.base import Engine
+from pybondem.errors import InputError
+from pybondem.model import Model, Selection
+from pybondem.neighbours import pieces
+from pybondem.stability import Stiffness
+
+Floats = NDArray[np.float64]
+AXES = ("x", "y", "z")
+
+
+class Equilibrium(NamedTuple):
+    """Displacements (n, 3) [m], rotations (n, 3) [rad], and the forces that hold them there (n, 3) [N]; model order."""
+
+    displacement: Floats
+    rotation: Floats
+    force: Floats
+
+
+def solve(model: Model, prescribed: NDArray[np.float64], engine: Engine, tolerance: float = 1e-10) -> Equilibrium:
+    """Return the linear equilibrium of a model under its boundary conditions.
+
+    prescribed (n, 6): displacements [m] and rotations [rad] of held components, model order; pushes are not applied.
+    By conjugate gradients on the mass-scaled stiffness, matrix-free. Raises InputError where a connected piece has
+    no held component (it could float away), or the iteration does not converge.
+    """
+    done = assemble(model)
+    stiffness = Stiffness(done, engine)
+    check_supported(done, stiffness)
+    n = len(model)
+    known = prescribed[done.order].T * (1.0 - stiffness.free)
+    mass, inertia = (np.broadcast_to(done.particles[name], n) for name in ("mass", "inertia"))
+    scale = 1.0 / np.sqrt(np.concatenate([np.tile(mass, (3, 1)), np.tile(inertia, (3, 1))]))
+
+    def operator(flat: Floats) -> Floats:
+        u = flat.reshape(6, n)
+        return (scale * stiffness.times(scale * stiffness.free * u)).ravel()
+
+    load = (scale * stiffness.times(known)).ravel()
+    shape = LinearOperator((6 * n, 6 * n), matvec=operator, dtype=np.float64)
+    solution, info = cg(shape, -load, rtol=tolerance, maxiter=20 * n + 1000)
+    if info != 0:
+        raise InputError(f"the static solve did not converge in {info} iterations; is the model held well enough?")
+    u = known + stiffness.free * scale * solution.reshape(6, n)
+    force = stiffness.all_forces(u)
+    at = done.position
+    return Equilibrium(u[:3].T[at], u[3:].T[at], force[:3].T[at])
+
+
+def check_supported(done: Assembly, stiffness: Stiffness) -> None:
+    """Raise InputError where a connected piece of the model has no held displacement component."""
+    ends = [np.concatenate([b[end] for b in done.bonds.values()] or [np.empty(0, np.uint32)]) for end in "ij"]
+    count, label = pieces(len(done.order), *(e.astype(np.int64) for e in ends))
+    held = np.bincount(label, (1.0 - stiffness.free[:3]).sum(axis=0), minlength=count)
+    if np.any(held == 0.0):
+        loose = int(np.argmin(held))
+        example = int(done.order[np.flatnonzero(label == loose)[0]])
+        raise InputError(
+            f"{int((held == 0.0).sum())} of {count} connected pieces have nothing held, among them that of particle "
+            f"{example}; fix or drive some of it, or bond it to the rest."
+        )
+
+
+def axial_stiffness(model: Model, low: Selection, high: Selection, axis: str, engine: Engine) -> float:
+    """Return EA [N] of a bar: its ends moved apart along x, y or z, free to move sideways and to turn.
+
+    low, high: the particles of the two ends; the length is the distance between their means. One static solve.
+    """
+    c = AXES.index(axis)
+    bar = _copy_without_boundaries(model)
+    bar.fix(low, axis)
+    bar.fix(high, axis)
+    apart = float(model.x[high.indices, c].mean() - model.x[low.indices, c].mean())
+    prescribed = np.zeros((len(model), 6))
+    prescribed[high.indices, c] = apart  # unit strain: the force is EA
+    return float(solve(bar, prescribed, engine).force[high.indices, c].sum())
+
+
+def _copy_without_boundaries(model: Model) -> Model:
+    copy = Model()
+    vars(copy).update(vars(model))
+    copy.boundaries = Boundaries()
+    return copy
+
