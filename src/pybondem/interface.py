@@ -27,20 +27,21 @@ def cylindrical(model: Model, inner: str, outer: str, *, radius: float, length: 
     """Return the interface between a fibre (part `inner`) and the matrix around it (part `outer`).
 
     Normals are radial at mid-bond. The areas sum to 2 pi radius length exactly: each bond gets the stretch of the
-    axis that is nearer to it than to any other, clipped to the interface [0, length] from `base`, shared with the
-    bonds at the same height.
+    axis that is nearer to its height than to any other, clipped to the interface [0, length] from `base`, shared with
+    the bonds at the same height. The height of a bond is that of its inner particle: a bond that leans across layers
+    feels the displacement of the fibre there, and it is the fibre's that varies most along the interface.
     radius, length [m]; gap: see Model.touching. Raises InputError where no pair crosses, or a bond is on the axis.
     """
     radius, length = positive("radius of the interface", radius, "m"), positive("length of the interface", length, "m")
     along, origin = axis_vector("axis", axis), vector("base", base)
     pairs = model.touching(gap=gap, between=(inner, outer))
     middle = 0.5 * (model.x[pairs[:, 0]] + model.x[pairs[:, 1]]) - origin
-    height = middle @ along
+    height = (model.x[pairs[:, 0]] - origin) @ along
     inside = (height > -1e-9 * length) & (height < length * (1.0 + 1e-9))
     pairs, middle, height = pairs[inside], middle[inside], height[inside]
     if len(pairs) == 0:
         raise InputError(f"no neighbours cross from part {inner!r} to part {outer!r} between 0 and {length:g} m.")
-    radial = middle - height[:, None] * along
+    radial = middle - (middle @ along)[:, None] * along
     distance = np.linalg.norm(radial, axis=1)
     if distance.min() < 1e-9 * radius:
         k = int(np.argmin(distance))
@@ -51,7 +52,7 @@ def cylindrical(model: Model, inner: str, outer: str, *, radius: float, length: 
 
 def stretches(height: Floats, length: float) -> Floats:
     """Return the part of [0, length] that is nearest to each height, shared by equal heights; they sum to length."""
-    levels, level, count = np.unique(np.round(height / (1e-6 * length)), return_inverse=True, return_counts=True)
-    at = np.clip(levels * 1e-6 * length, 0.0, length)
+    rounded = np.round(height / length, 6) * length
+    at, level, count = np.unique(np.clip(rounded, 0.0, length), return_inverse=True, return_counts=True)
     edges = np.concatenate([[0.0], 0.5 * (at[1:] + at[:-1]), [length]])
     return (np.diff(edges) / count)[level]

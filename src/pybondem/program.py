@@ -184,7 +184,7 @@ def damage_step(element, law):
         now, memory = law(felt(s, k, section, ref), memory, parameters)
         energy = energy_open_to_damage(s, k)
         lost = lost + (now - damage) * sqrt(potential * energy)
-        return kept(k, now, s.opening), 1.0 - now, (now, energy, lost, *memory)
+        return kept(k, now, s.opening), 1.0 - now, (now, energy, lost, *memory[:])
 
     return step
 

@@ -121,7 +121,7 @@ def _read_text(file: Path) -> Particles:
 
 
 def _header(name: str, line: str, delimiter: str) -> list[str]:
-    words = [word.strip() for word in next(csv.reader([line], delimiter=delimiter), [])]
+    words = [word.strip() for word in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])]
     if len(words) == 1 and ";" in line:
         raise InputError(f"{name}, line 1: columns are separated by ';'; use commas, and a point in numbers.")
     if not any(words) or any(_is_number(word) for word in words):
@@ -151,7 +151,7 @@ def _check_columns(where: str, names: Iterable[str]) -> None:
 def _cells(name: str, text: TextIO, delimiter: str, names: Sequence[str]) -> tuple[Floats, Sequence[int]]:
     """Return the numbers (n, columns) below the header, and the line of each row."""
     numbers, lines = array("d"), array("q")
-    rows = csv.reader(text, delimiter=delimiter, strict=True)
+    rows = csv.reader(text, delimiter=delimiter, skipinitialspace=True, strict=True)
     for row in rows:
         if len(row) != len(names):
             if not any(cell.strip() for cell in row):
