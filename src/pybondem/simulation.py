@@ -5,6 +5,7 @@ import threading
 import time as clocks
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -46,6 +47,22 @@ def make_engine(name: str, threads: int | None = None) -> Engine:
     return Cpu(threads)
 
 
+@dataclass
+class Session:
+    """What simulations take where they are not told: set by the command line, or once by a script.
+
+    engine, threads: as in `Simulation`; started: called with a simulation when it first runs.
+    """
+
+    engine: str = "cpu"
+    threads: int | None = None
+    quiet: bool = False
+    started: Callable[["Simulation"], None] | None = None
+
+
+session = Session()
+
+
 class Interrupted(KeyboardInterrupt):
     """Ctrl-C was pressed: the block of steps was finished and everything written."""
 
@@ -53,20 +70,20 @@ class Interrupted(KeyboardInterrupt):
 class Simulation:
     """A model made ready to run.
 
-    engine: "cpu", "reference" or "interpreted"; dt: time step [s], by default `safety` times the critical step of the
+    engine: "cpu" (the default), "reference" or "interpreted"; dt: time step [s], by default `safety` times the critical step of the
     model's own stiffness; damping: `local`, `viscous` or `kinetic` (see `damping`), None for none; gravity (3,)
     [m/s2]; threads: of the cpu engine, by default the physical cores. Raises InputError for bad values and
     UnstableError for a step above the critical one.
     """
 
-    def __init__(self, model: Model, *, engine: str = "cpu", dt: float | None = None, safety: float = 0.3,
+    def __init__(self, model: Model, *, engine: str | None = None, dt: float | None = None, safety: float = 0.3,
                  damping: Drag | Kinetic | None = None, gravity: ArrayLike = (0.0, 0.0, 0.0),
                  threads: int | None = None) -> None:  # fmt: skip
         if damping is not None and not isinstance(damping, Drag | Kinetic):
             raise InputError(f"damping is {damping!r}; give local(...), viscous(...), kinetic(...) or None.")
         self.model = model
         self.gravity = tuple(float(g) for g in vector("gravity", gravity))
-        self.engine = make_engine(engine, threads)
+        self.engine = make_engine(engine or session.engine, threads or session.threads)
         self.state: Assembly = assemble(model)
         self.start_positions: Floats = self.state.particles["x"].copy()
         self.limit: Limit = stability_limit(self.state, self.engine)
@@ -118,6 +135,11 @@ class Simulation:
         """Call observer(simulation) whenever a record falls due; for writers of files."""
         self._observers.append(observer)
 
+    @property
+    def watched(self) -> bool:
+        """Whether something writes files of this simulation (see `observe`)."""
+        return bool(self._observers)
+
     def run(self, steps: int | None = None, *, time: float | None = None, until: Callable[[], bool] | None = None,
             title: str = "run", quiet: bool = False) -> "Simulation":  # fmt: skip
         """Advance by `steps`, or by `time` [s], or until a condition holds (looked at after every record).
@@ -130,7 +152,9 @@ class Simulation:
         total = self._steps_to_take(steps, time, until)
         last = None if total is None else self.step + total
         first, block = self.step, 1
-        with self._keyboard(), Progress(title, total, len(self.model), quiet=quiet) as progress:
+        if session.started is not None and self.step == 0:
+            session.started(self)
+        with self._keyboard(), Progress(title, total, len(self.model), quiet=quiet or session.quiet) as progress:
             while (last is None or self.step < last) and not self._interrupted:
                 n = min(block, self._steps_to_record(), MOST_STEPS if last is None else last - self.step)
                 began = clocks.perf_counter()

@@ -97,6 +97,15 @@ def test_neighbours_are_one_diameter_apart_to_round_off(
     np.testing.assert_array_equal(neighbours[interior], expected)
 
 
+def test_a_row_almost_along_the_axis_leaves_the_lattice_exact() -> None:
+    c, across = np.array([2.0, 3.0, 6.0]) / 7.0, np.array([3.0, -2.0, 0.0])
+    grains = sc(1.0, Sphere(3.0), axis=c, row=c + 1e-5 * across)
+    distances = cKDTree(grains.x).query(grains.x, k=[2])[0]
+    np.testing.assert_allclose(distances, 1.0, rtol=1e-14)
+    diagonals = cKDTree(grains.x).query(np.zeros(3), k=list(range(8, 20)))[0]
+    np.testing.assert_allclose(diagonals, sqrt(2.0), rtol=1e-14)
+
+
 @lattice
 def test_the_share_of_space_filled(packing: Callable[..., Particles]) -> None:
     grains = packing(0.05, Sphere(2.0, (0.3, 0.1, -0.2)), axis=AXIS)
@@ -125,12 +134,31 @@ def test_fcc_has_its_cube_along_the_axes() -> None:
     np.testing.assert_array_equal(np.rint(halves).sum(axis=1) % 2, 0.0)
 
 
-@pytest.mark.parametrize("start", [0.0, 0.3, -7.7, 1e4])
+@pytest.mark.parametrize("start", [0.0, 0.3, -7.7, 1e4, 3e7 + 0.37])
 def test_sites_on_the_faces_of_a_box_are_inside(start: float) -> None:
     box = Box(*[(start, start + 1.0)] * 3)
     assert len(sc(0.1, box, origin=[start] * 3)) == 11**3  # 10 * 0.1 is not 1 in every double
     assert len(sc(0.1, Box(x=(start, None)) & box, origin=[start + 0.3] * 3)) == 11**3
     assert len(sc(0.1, box - Box(x=(None, start)), origin=[start] * 3)) == 10 * 11**2
+
+
+@pytest.mark.parametrize("base", [(0.2, 0.3, 0.1), (3e7, -1e7, 2e7)])
+def test_layers_on_the_faces_of_a_tilted_cylinder_are_inside(base: tuple[float, float, float]) -> None:
+    height = 10.0 * 0.1 * sqrt(2.0 / 3.0)
+    grains = hcp(0.1, Cylinder(0.42, height, AXIS, base), axis=AXIS, origin=base)
+    assert len(grains) == 6 * 61 + 5 * 69  # points of a triangular lattice within 4.2 of a site, of a hole
+
+
+def test_the_tolerance_of_a_large_shape_reaches_beyond_its_bounds() -> None:
+    for limits in ((0.0, 1e4 - 5e-6), (5e-6, 1e4)):
+        assert len(sc(1.0, Box(limits, (0, 0), (0, 0)))) == 10001
+
+
+@lattice
+def test_endless_shapes_may_be_cut_to_an_end(packing: Callable[..., Particles]) -> None:
+    endless, slab = Cylinder(3.0, None), Box(z=(-1.0, 4.0))
+    larger = packing(0.5, Sphere(6.0), axis=AXIS)
+    np.testing.assert_array_equal(packing(0.5, endless & slab, axis=AXIS).x, larger.cut(endless & slab).x)
 
 
 @lattice
@@ -272,7 +300,9 @@ def test_particles_add_up_in_order() -> None:
 
 def test_particles_can_be_cut_moved_and_turned() -> None:
     grains = Particles([[0, 0, 0], [1, 0, 0], [2.0 + 1e-10, 0, 0], [3, 0, 0]], [0.1, 0.2, 0.3, 0.4])
-    np.testing.assert_array_equal(grains.cut(Box(x=(1, 2))).radius, [0.2, 0.3])  # 1e-10 is round-off for this radius
+    np.testing.assert_array_equal(
+        grains.cut(Box(x=(None, 2))).radius, [0.1, 0.2, 0.3]
+    )  # 1e-10 is round-off for this radius
     np.testing.assert_array_equal(grains.moved((0, 2, 0)).x, grains.x + np.array([0.0, 2.0, 0.0]))
     np.testing.assert_allclose(grains.turned("z", pi / 2.0, about=(1, 0, 0)).x[3], [1.0, 2.0, 0.0], atol=1e-15)
     vector = np.array([0.3, -0.4, 1.2])

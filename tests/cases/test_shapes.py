@@ -31,8 +31,16 @@ shapes = st.recursive(
     ),
     max_leaves=5,
 )
-points = st.lists(place, min_size=1, max_size=30).map(np.array)
-quick = settings(deadline=None, max_examples=150)
+quick = settings(deadline=None, max_examples=200)
+
+
+def some_points(seed: int) -> np.ndarray:
+    """Return 200 points (n, 3) about the shapes, half of them on whole numbers."""
+    rng = np.random.default_rng(seed)
+    return np.concatenate([rng.uniform(-5.0, 5.0, (100, 3)), rng.integers(-4, 5, (100, 3))])
+
+
+points = st.integers(0, 2**32).map(some_points)
 
 
 # ---------------------------------------------------------------------------------------------------------- each shape
@@ -100,8 +108,9 @@ def test_a_plane_is_a_box() -> None:
     [
         (lambda s: Box((0, 2 * s), (0, s), (0, s)), (1, 1, 0.5), (0, 1, 0)),
         (lambda s: Box((0, 2 * s), (0, s), (0, s)), (0, 1, 0.5), (-1, 0, 0)),
-        (lambda s: Cylinder(s, 2 * s), (0.6, 0.8, 1), (0.6, 0.8, 0)),
-        (lambda s: Cylinder(s, 2 * s), (0.1, 0.2, 2), (0, 0, 1)),
+        (lambda s: Cylinder(s / 2, 2 * s), (0.3, 0.4, 1), (0.6, 0.8, 0)),
+        (lambda s: Cylinder(s / 2, 2 * s), (0.1, 0.2, 2), (0, 0, 1)),
+        (lambda s: Cylinder(s, s), (0.1, 0.2, 0), (0, 0, -1)),
         (lambda s: Cylinder(s, None), (0.6, 0.8, -50), (0.6, 0.8, 0)),
         (lambda s: Sphere(s), (0, 0.6, -0.8), (0, 0.6, -0.8)),
     ],
@@ -132,12 +141,12 @@ def test_a_tube_and_its_core_share_no_point_and_lose_none() -> None:
 
 # --------------------------------------------------------------------------------------------------------- the algebra
 @quick
-@given(shapes, shapes, points)
-def test_union_intersection_and_difference_are_those_of_sets(a: Shape, b: Shape, x: np.ndarray) -> None:
-    in_a, in_b = a.contains(x), b.contains(x)
-    np.testing.assert_array_equal((a | b).contains(x), in_a | in_b)
-    np.testing.assert_array_equal((a & b).contains(x), in_a & in_b)
-    np.testing.assert_array_equal((a - b).contains(x), in_a & ~in_b)
+@given(shapes, shapes, points, st.sampled_from([0.0, 0.5]))
+def test_union_intersection_and_difference_are_those_of_sets(a: Shape, b: Shape, x: np.ndarray, slack: float) -> None:
+    in_a, in_b = a.contains(x, slack), b.contains(x, slack)
+    np.testing.assert_array_equal((a | b).contains(x, slack), in_a | in_b)
+    np.testing.assert_array_equal((a & b).contains(x, slack), in_a & in_b)
+    np.testing.assert_array_equal((a - b).contains(x, slack), in_a & ~in_b)
 
 
 @quick
@@ -155,11 +164,9 @@ def test_what_is_inside_lies_within_the_bounds(a: Shape, x: np.ndarray, e: tuple
 
 
 @quick
-@given(shapes, points, st.data())
-def test_the_gap_never_exceeds_the_distance(a: Shape, x: np.ndarray, data: st.DataObject) -> None:
-    other = data.draw(points)
-    n = min(len(x), len(other))
-    x, other = x[:n], other[:n]
+@given(shapes, points, points)
+def test_the_gap_never_exceeds_the_distance(a: Shape, x: np.ndarray, other: np.ndarray) -> None:
+    other = x + 0.1 * other
     here, there = a.gap(x), a.gap(other)
     finite = np.isfinite(here) & np.isfinite(there)
     change = np.abs(here[finite] - there[finite])
@@ -177,7 +184,7 @@ def test_the_extent_of_a_box_is_reached_at_a_corner(limits: tuple[float, float],
 
 
 def test_disjoint_shapes_have_reversed_bounds_that_do_not_spoil_a_union() -> None:
-    nothing = Box(z=(0, 1)) & Box(z=(2, 3))
+    nothing = Box(z=(2, 3)) & Box(z=(5, 6))
     low, high = nothing.bounds()
     assert low[2] > high[2]
     np.testing.assert_array_equal((nothing | Sphere(1.0)).bounds()[1][2], 1.0)

@@ -59,7 +59,7 @@ def test_the_text_is_plain(tmp_path: Path) -> None:
         "x,y,z,radius\r1,2,3,0.5\r-4,5e-1,.6,25e-2\r",
         "diameter,z,y,x\n1,3,2,1\n0.5,.6,5e-1,-4\n",
         "x\ty\tz\tradius\n1\t2\t3\t0.5\n-4\t5e-1\t.6\t25e-2\n",
-        ' x , "y",z, radius\n"1",2 , 3,0.5\n\n-4,5e-1,+.6,25e-2\n  \n\n',  # blanks, quotes, blank lines
+        ' x , "y",z, radius\n"1",2 , "3",0.5\n\n-4,5e-1,+.6,25e-2\n  \n\n',  # blanks, quotes, blank lines
     ],
 )
 def test_text_in_its_dialects(tmp_path: Path, content: str) -> None:

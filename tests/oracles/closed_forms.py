@@ -128,9 +128,9 @@ def period(samples: ArrayLike, spacing: float) -> float:
 
 
 def verlet_period(true: float, dt: float) -> float:
-    """Return the period that velocity Verlet (or leapfrog) shows for an oscillator of a true period: pi dt/asin(w dt/2).
+    """Return the period that velocity Verlet (or leapfrog) shows for an oscillator: pi dt/asin(w dt/2).
 
-    Its discrete motion is exactly harmonic, with sin(W dt/2) = w dt/2.
+    Its discrete motion is exactly harmonic, with sin(W dt/2) = w dt/2 (Hairer, Lubich & Wanner, Acta Numerica 2003).
     """
     return pi * dt / asin(pi * dt / true)
 
@@ -336,8 +336,11 @@ def lattice_constants(kind: str, kn: float, ks: float, length: float) -> dict[st
 
 
 def plane_net(kn: float, ks: float) -> tuple[float, float]:
-    """Return Poisson's ratio and Young's modulus [N/m] of the triangular plane net."""
-    return (kn - ks) / (3.0 * kn + ks), 4.0 * kn * (kn + ks) / (sqrt(3.0) * (3.0 * kn + ks))
+    """Return Poisson's ratio and Young's modulus [N/m] of the triangular plane net.
+
+    From C11 = sqrt3/4 (3 kn + ks) and C12 = sqrt3/4 (kn - ks). At ks = 0: 1/3 and 2 kn/sqrt3.
+    """
+    return (kn - ks) / (3.0 * kn + ks), 2.0 * sqrt(3.0) * kn * (kn + ks) / (3.0 * kn + ks)
 
 
 def young_100(C11: float, C12: float) -> float:

@@ -84,6 +84,7 @@ class Cylinder:
             unbalanced=unbalanced(), book=energy(),
         )  # fmt: skip
         with Results(sim, "cylinder", folder=folder, frame_every=every * RECORDS // 20, quiet=quiet) as results:
+            results.slow_until = self.duration
             sim.run(time=self.duration, title="cylinder", quiet=quiet)
             summary = built.compare(record.strain.values, record.force.values, engine, threads)
             results.summary.update(summary)

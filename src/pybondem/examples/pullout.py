@@ -41,7 +41,7 @@ class PullOutTest:
     matrix_radius, length (embedded), free_length (of fibre beyond the matrix): geometry; E_fibre, E_matrix, nu:
     elasticity, nu within the reach of the lattice (0 to 1/5); density; interface: a law with a stiffness per area;
     axis: of the pull; transits: duration of the test, in transits of the slower sound wave through the embedded
-    length; pull: final displacement of the end, by default 1.1 times the largest on the analytic path.
+    length; damping: local damping; pull: final displacement of the end, by default 1.1 times the largest on the analytic path.
     """
 
     diameter: float = 0.7
@@ -49,14 +49,14 @@ class PullOutTest:
     fibre_radius: float = 1.0
     matrix_radius: float = 6.0
     length: float = 30.0
-    free_length: float = 0.0
+    free_length: float = 2.0
     E_fibre: float = 1e10
     E_matrix: float = 1e10
     nu: float = 0.1
     density: float = 2500.0
     axis: str = "x"
-    transits: float = 120.0
-    damping: float = 0.2
+    transits: float = 60.0
+    damping: float = 0.3
     pull: float | None = None
 
     def __post_init__(self) -> None:

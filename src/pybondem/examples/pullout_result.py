@@ -19,6 +19,7 @@ Floats = NDArray[np.float64]
 RECORDS = 400
 STAGES = (0.4, 0.95)  # of the load at which softening begins, then evenly spaced up to the turning point
 SOFTENING_STAGES = 4
+STABLE = 0.99  # of the displacement at the turning point, up to which loads are compared
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,8 @@ def run_pullout(built: PullOutModel, engine: str, threads: int | None, folder: s
     sim.observe(lambda s: shear.append(s.interface(built.joints)[1]))
     with Results(sim, "pullout", folder=folder, frame_every=every * RECORDS // 50, quiet=quiet) as results:
         sim.run(time=test.duration, title="pull-out", quiet=quiet)
+        stable = record.displacement.values <= STABLE * last_stable_displacement(test.theory())
+        results.slow_until = float(record.time.values[stable].max())
         profiles = compare_profiles(built, record.displacement.values, np.array(shear))
         summary = compare(built, sim, record.displacement.values, record.load.values, profiles)
         draw(built, results, record.displacement.values, record.load.values, profiles)
@@ -74,9 +77,13 @@ def run_pullout(built: PullOutModel, engine: str, threads: int | None, folder: s
 def stage_displacements(theory: PullOut) -> list[float]:
     """Return the end displacements [m] at which profiles are compared: elastic, then softening up to the last stable."""
     elastic = [theory.state_at_load(f * theory.onset_load()).displacement for f in STAGES]
+    return elastic + list(np.linspace(elastic[-1], last_stable_displacement(theory), SOFTENING_STAGES + 2)[1:-1])
+
+
+def last_stable_displacement(theory: PullOut) -> float:
+    """Return the displacement [m] up to which a slowly moved end follows the path: turning point, or the end of it."""
     turn = theory.turning_point()
-    last = turn.displacement if turn else 0.9 * theory.slip_end
-    return elastic + list(np.linspace(elastic[-1], last, SOFTENING_STAGES + 2)[1:-1])
+    return turn.displacement if turn else theory.slip_end
 
 
 def compare_profiles(built: PullOutModel, displacement: Floats, shear: Floats) -> tuple[Profile, ...]:
@@ -98,8 +105,8 @@ def compare_profiles(built: PullOutModel, displacement: Floats, shear: Floats) -
 def compare(built: PullOutModel, sim: Simulation, u: Floats, load: Floats, profiles: tuple[Profile, ...]) -> dict[str, Any]:
     """Return the summary: what was built, what came out, and the errors against the analytic solution."""
     test, theory = built.test, built.test.theory()
-    peak, turn = theory.peak(), theory.turning_point()
-    stable = u <= 0.99 * (turn.displacement if turn else theory.slip_end)
+    peak, last = theory.peak(), last_stable_displacement(theory)
+    stable = u <= STABLE * last
     exact = np.array([theory.state_at_displacement(float(x)).load for x in u[stable]])
     errors: dict[str, float] = {}
     if u[-1] > 1.05 * peak.displacement:
@@ -107,7 +114,7 @@ def compare(built: PullOutModel, sim: Simulation, u: Floats, load: Floats, profi
     errors["load up to the turning point"] = float(np.abs(load[stable] - exact).max() / peak.load)
     errors |= {f"shear stress, {p.zones}, u = {1e3 * p.displacement:.3f} mm": p.error for p in profiles}
     book = sim.energies
-    if u[-1] > (turn.displacement if turn else theory.slip_end) and sim.bonds(built.joints).damage.min() >= 1.0:
+    if u[-1] > last and sim.bonds(built.joints).damage.min() >= 1.0:
         errors["energy of debonding"] = book.damage / theory.work_of_debonding - 1.0
     return {
         "geometry": {
@@ -116,7 +123,7 @@ def compare(built: PullOutModel, sim: Simulation, u: Floats, load: Floats, profi
             "interface_area_m2": float(built.surface.area.sum()), "scale": built.scales,
         },
         "theory": {"peak_load_N": peak.load, "peak_displacement_m": peak.displacement,
-                   "turning_displacement_m": turn.displacement if turn else None,
+                   "last_stable_displacement_m": last,
                    "work_of_debonding_J": theory.work_of_debonding, "lam_L": theory.lam * test.length,
                    "peak_load_with_shear_lag_N": test.theory(shear_lag=True).peak().load},
         "result": {"peak_load_N": float(load.max()), "peak_displacement_m": float(u[np.argmax(load)])},

@@ -169,7 +169,7 @@ def _frame(name: str, axis: Axis, row: Axis | None) -> Floats:
     a = a / np.linalg.norm(a)
     a = a - np.dot(a, c) * c  # once more: what round-off has left along the axis
     a = a / np.linalg.norm(a)
-    return np.stack([a, np.cross(c, a), c]) + 0.0  # no -0.0
+    return np.stack([a, np.cross(c, a), c])
 
 
 def _check_resolution(name: str, spacing: float, farthest: float) -> None:
@@ -232,8 +232,9 @@ def _index_box(grid: Grid, inside: Shape, slack: float, steps: Floats) -> tuple[
     low, high = inside.bounds()
     bounded = inside & Box(*zip(low.tolist(), high.tolist(), strict=True))  # the tighter of both in every direction
     extents = np.array([bounded.extent(e) for e in grid.frame]) - (grid.frame @ grid.origin)[:, None]
-    first = np.floor((extents[:, 0] - slack) / steps).astype(np.int64) - 1
-    last = np.ceil((extents[:, 1] + slack) / steps).astype(np.int64) + 1
+    extents += np.array([-slack, slack])
+    first = np.floor(extents[:, 0] / steps).astype(np.int64)
+    last = np.floor(extents[:, 1] / steps).astype(np.int64) + 1  # one to spare: the tolerance of a very large shape
     count = int(np.all(first <= last))
     return np.tile(first, (count, 1)), np.tile(last, (count, 1))
 

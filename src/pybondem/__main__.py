@@ -1,0 +1,5 @@
+"""python -m pybondem."""
+
+from pybondem.cli import main
+
+main()
