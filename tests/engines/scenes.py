@@ -122,16 +122,18 @@ def cluster(seed: int, kinds: Families, sites: float = 1.2, gap: float = 0.25) -
     return Scene(kinds, x, radius, dealt, normals, x, q, np.zeros((n, 3)), np.zeros((n, 3)))
 
 
-def loaded(scene: Scene, seed: int, strain: float = 0.03, turn: float = 0.03, speed: float = 3.0) -> Scene:
-    """Return a scene in a random state: displacements `strain` LENGTH, rotations `turn` [rad], all turned and moved as
-    one by any amount, velocities `speed` [m/s]."""
+def loaded(
+    scene: Scene, seed: int, strain: float = 0.03, turn: float = 0.03, speed: float = 3.0, shift: float = 3.0
+) -> Scene:
+    """Return a scene in a random state: displacements `strain` LENGTH, rotations `turn` [rad], velocities `speed` [m/s],
+    all turned as one by any angle and moved as one by `shift` LENGTH."""
     rng = np.random.default_rng(seed)
     n = len(scene.x0)
     moved = scene.x0 + rng.normal(scale=strain * LENGTH, size=(n, 3))
     turned = Rotation.from_rotvec(rng.normal(scale=turn, size=(n, 3)))
     v, w = speed * rng.normal(size=(n, 3)), 2.0 * speed / LENGTH * rng.normal(size=(n, 3))
     state = replace(scene, x=moved, q=quaternions(turned), v=v, w=w)
-    return moved_as_one(state, Rotation.random(rng=seed), 3.0 * LENGTH * rng.normal(size=3))
+    return moved_as_one(state, Rotation.random(random_state=seed), shift * LENGTH * rng.normal(size=3))
 
 
 def moved_as_one(scene: Scene, by: Rotation, shift: np.ndarray) -> Scene:
@@ -177,4 +179,6 @@ def assert_near(found: Any, expected: Any, tolerance: float, what: str = "") -> 
     assert found.shape == expected.shape, what
     scale = float(np.max(np.abs(expected), initial=0.0))
     error = float(np.max(np.abs(found - expected), initial=0.0))
-    assert error <= tolerance * scale, f"{what}: off by {error:.3g} of {scale:.3g}, {error / (scale or 1.0):.2g} relative"
+    assert error <= tolerance * scale, (
+        f"{what}: off by {error:.3g} of {scale:.3g}, {error / (scale or 1.0):.2g} relative"
+    )

@@ -14,6 +14,7 @@ from engines.scenes import (
     built_elsewhere,
     cluster,
     families,
+    fragile,
     loaded,
     moved_as_one,
     quaternions,
@@ -31,7 +32,9 @@ import pybondem as bd
 PARTICLES = ("x", "q", "v", "w", "force", "torque", "work", "dragged")
 BONDS = ("force", "energy", "damage")
 seeds = st.integers(min_value=0, max_value=2**32 - 1)
-few = settings(max_examples=6, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+few = settings(
+    max_examples=6, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 
 
 def fields(sim):
@@ -110,7 +113,7 @@ def test_the_number_of_threads_changes_no_bit():
 
     if config.NUMBA_NUM_THREADS < 2:
         pytest.skip("this machine has one processor: threads cannot be compared")
-    scene = loaded(cluster(5, {"brittle viscous": families()["brittle viscous"]}, sites=4.6), 5, strain=3e-3, turn=3e-3)
+    scene = loaded(cluster(5, fragile(), sites=4.4), 5, strain=2e-4, turn=2e-4, speed=1.0)
     one, two = (scene.build("cpu", threads=n) for n in (1, 2))
     assert two.bond_count >= 2 * BONDS_PER_THREAD  # else the second thread would have no work
     before = two.broken
@@ -155,7 +158,9 @@ def momenta(sim):
 def test_momenta_are_conserved_while_bonds_damp_and_break(engine):
     """S7, S8: 500 bodies, 1e5 steps on the cpu engine; fewer of both on the slow ones."""
     sites, steps = {"reference": (2.0, 1500), "interpreted": (1.2, 500)}.get(engine, (4.3, 100_000))
-    scene = loaded(cluster(8, {"brittle viscous": families()["brittle viscous"]}, sites=sites), 8, 1e-3, 1e-3, speed=4.0)
+    scene = loaded(
+        cluster(8, {"brittle viscous": families()["brittle viscous"]}, sites=sites), 8, 1e-3, 1e-3, speed=4.0
+    )
     sim = scene.build(engine)
     linear, angular, linear_size, angular_size = momenta(sim)
     before = sim.broken
@@ -165,3 +170,26 @@ def test_momenta_are_conserved_while_bonds_damp_and_break(engine):
     now = momenta(sim)
     assert np.abs(now[0] - linear).max() <= 1e-12 * linear_size
     assert np.abs(now[1] - angular).max() <= 1e-11 * angular_size
+
+
+@pytest.mark.parametrize("fraction", [0.2])
+def test_energy_does_not_drift_and_fluctuates_with_the_square_of_the_step(engine, fraction):
+    """S9. Fluctuation: standard deviation of m v^2/2 + I w^2/2 + strain over the same time at `fraction` of the critical
+    step and half of it. Drift: its mean under a smooth window, late less early, per step, times 1e6 steps.
+    """
+    samples = {"reference": 400, "interpreted": 100}.get(engine, 12_000)
+    scene = loaded(cluster(9, unbreakable()), 9, strain=1e-5, turn=1e-5, speed=0.0)
+    spread, drift = [], []
+    for every in (3, 6):
+        sim = scene.build(engine, dt=None, safety=3 * fraction / every)
+        energy = np.empty(samples)
+        for k in range(samples):
+            p = sim.run(every, quiet=True).particles
+            kinetic = 0.5 * (p.mass * (p.v**2).sum(axis=1) + p.inertia * (p.w**2).sum(axis=1)).sum()
+            energy[k] = kinetic + sim.energies.strain
+        spread.append(energy.std() / energy.mean())
+        third = samples // 3
+        early, late = (np.average(part, weights=np.hanning(third) ** 2) for part in (energy[:third], energy[-third:]))
+        drift.append((late - early) / energy.mean() / (every * (samples - third)))
+    assert spread[0] / spread[1] == pytest.approx(4.0, abs=0.2)
+    print(spread, drift)

@@ -302,24 +302,34 @@ def group_velocity(s: Spheres, qa: float) -> float:
 
 @dataclass(frozen=True)
 class Lattice:
-    """Half of the bonds of a site (unit vectors, the other half opposite) and the volume (area) per site in l^d."""
+    """Half of the bonds of a site (the other half are opposite), which of them span a cell, and volume per site.
 
-    bonds: tuple[tuple[float, ...], ...]
+    Bonds are unit vectors, so lengths are in l; the volume of the plane net is an area.
+    """
+
+    bonds: Floats
+    cell: tuple[int, ...]
     volume: float
 
+    def sites(self, half_width: float) -> Floats:
+        """Return the sites with all coordinates within +-half_width, in l, from the middle outwards."""
+        steps = np.arange(-9, 10)
+        grid = np.stack(np.meshgrid(*[steps] * len(self.cell), indexing="ij"), axis=-1).reshape(-1, len(self.cell))
+        x = grid @ self.bonds[list(self.cell)]
+        x = x[np.abs(x).max(axis=1) <= half_width]
+        return x[np.argsort(np.round(np.linalg.norm(x, axis=1), 6), kind="stable")]
 
-def _unit(*vectors: Sequence[float]) -> tuple[tuple[float, ...], ...]:
-    return tuple(tuple(float(c) / sqrt(sum(x * x for x in v)) for c in v) for v in vectors)
+
+def _unit(*vectors: Sequence[float]) -> Floats:
+    return np.array([np.array(v) / np.linalg.norm(v) for v in vectors])
 
 
+FCC_BONDS = _unit((1, 1, 0), (1, 0, 1), (0, 1, 1), (1, -1, 0), (1, 0, -1), (0, 1, -1))
 LATTICES = {
-    "sc": Lattice(_unit((1, 0, 0), (0, 1, 0), (0, 0, 1)), 1.0),
-    "fcc": Lattice(
-        _unit((1, 1, 0), (1, -1, 0), (1, 0, 1), (1, 0, -1), (0, 1, 1), (0, 1, -1)),
-        1.0 / sqrt(2.0),
-    ),
-    "bcc": Lattice(_unit((1, 1, 1), (1, 1, -1), (1, -1, 1), (-1, 1, 1)), 4.0 / (3.0 * sqrt(3.0))),
-    "triangular": Lattice(_unit((1, 0, 0), (0.5, sqrt(0.75), 0), (0.5, -sqrt(0.75), 0)), sqrt(0.75)),
+    "sc": Lattice(np.eye(3), (0, 1, 2), 1.0),
+    "fcc": Lattice(FCC_BONDS, (0, 1, 2), 1.0 / sqrt(2.0)),
+    "bcc": Lattice(_unit((1, 1, -1), (1, -1, 1), (-1, 1, 1), (1, 1, 1)), (0, 1, 2), 4.0 / (3.0 * sqrt(3.0))),
+    "triangular": Lattice(_unit((1, 0, 0), (1, sqrt(3.0), 0), (1, -sqrt(3.0), 0)), (0, 1), sqrt(0.75)),
 }
 
 
@@ -348,16 +358,18 @@ def young_100(C11: float, C12: float) -> float:
     return C11 - 2.0 * C12**2 / (C11 + C12)
 
 
-STRAINS = {  # twice the energy per volume at unit strain, in the constants
-    "C11": np.diag([1.0, 0.0, 0.0]),
-    "2 C11 + 2 C12": np.diag([1.0, 1.0, 0.0]),
-    "C44": np.array([[0.0, 0.5, 0.0], [0.5, 0.0, 0.0], [0.0, 0.0, 0.0]]),
+STRAINS = {
+    "pulled": np.diag([1.0, 0.0, 0.0]),
+    "pulled twice": np.diag([1.0, 1.0, 0.0]),
+    "sheared": np.array([[0.0, 0.5, 0.0], [0.5, 0.0, 0.0], [0.0, 0.0, 0.0]]),
 }
 
 
-def constants_of_energies(energy: dict[str, float]) -> dict[str, float]:
-    """Return C11, C12, C44 from twice the energies per volume at the strains of STRAINS, each of unit size."""
-    return {"C11": energy["C11"], "C12": 0.5 * energy["2 C11 + 2 C12"] - energy["C11"], "C44": energy["C44"]}
+def cubic_invariants(strain: Floats) -> Floats:
+    """Return the factors of C11, C12 and C44 in twice the energy per volume at a strain (3, 3), axes along the cube."""
+    e = np.diag(strain)
+    across = strain[0, 1] ** 2 + strain[1, 2] ** 2 + strain[0, 2] ** 2
+    return np.array([np.sum(e**2), np.sum(e) ** 2 - np.sum(e**2), 4.0 * across])
 
 
 def periodic_constants(kind: str, kn: float, ks: float, length: float) -> dict[str, float]:
@@ -370,11 +382,11 @@ def periodic_constants(kind: str, kn: float, ks: float, length: float) -> dict[s
     volume = lattice.volume * length ** (2 if kind == "triangular" else 3)
     energies = {}
     for name, strain in STRAINS.items():
-        normals = np.array(lattice.bonds)
         along = np.einsum("bi,ij,bj->b", normals, strain, normals)
         across = (normals @ strain - along[:, None] * normals).ravel()
         turning = np.concatenate([np.cross(np.eye(3), n).T for n in normals])
         turn, *_ = np.linalg.lstsq(turning, across, rcond=None)
         squares = kn * np.sum(along**2) + ks * np.sum((across - turning @ turn) ** 2)
-        energies[name] = float(squares) * length**2 / volume
-    return constants_of_energies(energies)
+        energies.append(squares * length**2 / volume)
+    factors = np.array([cubic_invariants(strain) for strain in STRAINS.values()])
+    return dict(zip(("C11", "C12", "C44"), np.linalg.solve(factors, energies), strict=True))
