@@ -144,7 +144,7 @@ def cloud() -> Callable[..., tuple[bd.Model, Any]]:
         x = x + random.uniform(-0.06 * d, 0.06 * d, x.shape)
         radius = random.uniform(0.42 * d, 0.5 * d, len(x))
         model = bd.Model(bd.packing.Particles(x if turn is None else x @ np.asarray(turn).T, radius), density=2000.0)
-        bond = bd.Bond(bd.timoshenko(E=1e9, nu=0.2, radius_ratio=0.7), damping=0.1)
+        bond = bd.Bond(bd.springs(DP0.kn, DP0.ks, DP0.kt, DP0.kb), damping=0.1)
         pairs = bd.Model(bd.packing.Particles(x, radius), density=2000.0).touching(gap=0.2)
         return model, model.bond(pairs, bond)
 
@@ -170,14 +170,20 @@ def watch() -> Callable[..., Floats]:
 
 @pytest.fixture
 def relax() -> Callable[..., Any]:
-    """relax(sim, held, arm, held_turns): run until what is unbalanced is below 1e-8 of the largest force.
+    """relax(sim, held, load, held_turns): run until what is unbalanced is below 1e-8 of the load, and return particles.
 
-    held, held_turns: particles whose displacements, rotations are held (by default the same); arm [m]: what a moment
-    is divided by to be compared with a force. Fails where 20 000 steps do not do it.
+    held, held_turns: particles whose displacements, rotations are held (by default the same); load [N], by default the
+    largest force on any particle. A moment counts as a force at the distance of two neighbours. Fails where 20 000
+    steps do not do it.
     """
+    arm = DP0.length
 
     def run(
-        sim: bd.Simulation, held: Iterable[int], arm: float, held_turns: Iterable[int] | None = None, chunk: int = 50
+        sim: bd.Simulation,
+        held: Iterable[int],
+        load: float | None = None,
+        held_turns: Iterable[int] | None = None,
+        chunk: int = 50,
     ) -> Any:
         free, free_turns = (np.ones(len(sim.model), bool) for _ in range(2))
         free[list(held)] = False
@@ -185,8 +191,8 @@ def relax() -> Callable[..., Any]:
         for _ in range(20_000 // chunk):
             sim.run(steps=chunk, quiet=True)
             p = sim.particles
-            largest = max(np.abs(p.force).max(), np.abs(p.torque).max() / arm)
-            left = max(np.abs(p.force[free]).max(), np.abs(p.torque[free_turns]).max(initial=0.0) / arm)
+            largest = load or max(np.abs(p.force).max(), np.abs(p.torque).max() / arm)
+            left = max(np.abs(p.force[free]).max(), np.abs(p.torque[free_turns]).max() / arm)
             if left <= 1e-8 * largest:
                 return p
         pytest.fail(f"still unbalanced by {left / largest:.2g} of the load after {sim.step} steps.")

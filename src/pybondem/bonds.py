@@ -1,5 +1,7 @@
 """What holds two particles together: an elastic form and a damage law, with their values.
 
+In a script:
+
     Bond(parallel(E=1e9, stiffness_ratio=2.0), strength(tension=5e6, shear=10e6), damping=0.1)
     Joint(bilinear(stiffness=6e7, slip_peak=1e-4, slip_end=4e-4))
 """
@@ -17,16 +19,16 @@ from pybondem.physics.damage.bilinear import BilinearMemory, BilinearParameters,
 from pybondem.physics.damage.strength import StrengthMemory, StrengthParameters, strength_damage
 from pybondem.physics.elastic.beam import euler_bernoulli_stiffness, timoshenko_stiffness
 from pybondem.physics.elastic.parallel import parallel_stiffness
-from pybondem.physics.types import Stiffness
+from pybondem.physics.types import DamageFunction, Stiffness
 
 Value = float | NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Elastic:
-    """An elastic form: stiffness(radius, length) -> Stiffness; radius_ratio: bond radius / smaller particle radius."""
+    """An elastic form: stiffness(radius [m], length [m]); radius_ratio: bond radius / smaller particle radius."""
 
-    stiffness: Callable[[Any, Any], Stiffness]
+    stiffness: Callable[[Value, Value], Stiffness]
     radius_ratio: float = 1.0
 
 
@@ -39,9 +41,9 @@ class DamageLaw:
     stiffness: shear stiffness per area [Pa/m] that the law brings for joints, if any.
     """
 
-    function: Callable[..., Any]
+    function: DamageFunction
     parameters: Any
-    memory: type
+    memory: type[Any]
     stiffness: float | None = None
 
 
@@ -79,6 +81,13 @@ class Joint:
             nonnegative("normal_stiffness of Joint", self.normal_stiffness, "Pa/m")
         nonnegative("damping of Joint", self.damping, "1")
 
+    def stiffness(self, area: Value) -> Stiffness:
+        """Return the stiffness of joints that stand for the given areas [m2]: a number, or (m,)."""
+        shear = self.law.stiffness
+        assert shear is not None  # the law was checked when the joint was made
+        normal = shear if self.normal_stiffness is None else self.normal_stiffness
+        return Stiffness(normal * area, shear * area, 0.0, 0.0)
+
 
 def parallel(E: float, stiffness_ratio: float, radius_ratio: float = 1.0) -> Elastic:
     """Return the parallel bond of Potyondy & Cundall (2004).
@@ -107,7 +116,9 @@ def euler_bernoulli(E: float, nu: float, radius_ratio: float = 1.0) -> Elastic:
     return Elastic(lambda r, length: euler_bernoulli_stiffness(E, G, r, length), _ratio(radius_ratio))
 
 
-def springs(kn: ArrayLike, ks: ArrayLike, kt: ArrayLike = 0.0, kb: ArrayLike = 0.0, radius_ratio: float = 1.0) -> Elastic:
+def springs(
+    kn: ArrayLike, ks: ArrayLike, kt: ArrayLike = 0.0, kb: ArrayLike = 0.0, radius_ratio: float = 1.0
+) -> Elastic:
     """Return plain springs: kn, ks [N/m], twist kt and bending kb [N m/rad], numbers or one value per bond.
 
     With kt = kb = 0 this is the lattice spring model of Born. Raises InputError where one is negative or not finite.

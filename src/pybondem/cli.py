@@ -150,8 +150,8 @@ def exit_codes() -> Any:
         raise typer.Exit(STOPPED) from None
     except BondemError as error:
         typer.echo(f"error: {error}", err=True)
-        code = UNSTABLE if isinstance(error, UnstableError) else MACHINE if isinstance(error, EngineError) else BAD_INPUT
-        raise typer.Exit(code) from None
+        codes = {UnstableError: UNSTABLE, EngineError: MACHINE}
+        raise typer.Exit(codes.get(type(error), BAD_INPUT)) from None
 
 
 def main() -> None:

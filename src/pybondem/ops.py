@@ -6,69 +6,75 @@ the others are built from them, so one text serves every engine.
 """
 
 from math import exp, sqrt
+from typing import Any
 
 __all__ = [
+    "Number", "Quaternion", "Vector",
     "absolute", "add", "cross", "dot", "exp", "maximum", "minimum", "minus", "norm", "normal_to",
     "quaternion_product", "rotate", "sqrt", "times", "where",
 ]  # fmt: skip
 
+Number = Any  # a float, or an array of floats in the reference engine
+Vector = tuple[Number, Number, Number]
+Quaternion = tuple[Number, Number, Number, Number]  # scalar first
 
-def where(condition, a, b):
+
+def where(condition: Any, a: Number, b: Number) -> Number:
     """Return a where the condition holds, else b."""
     return a if condition else b
 
 
-def minimum(a, b):
+def minimum(a: Number, b: Number) -> Number:
     """Return the smaller of two numbers."""
     return a if a < b else b
 
 
-def maximum(a, b):
+def maximum(a: Number, b: Number) -> Number:
     """Return the larger of two numbers."""
     return a if a > b else b
 
 
-def absolute(a):
+def absolute(a: Number) -> Number:
     """Return |a|."""
     return a if a >= 0.0 else -a
 
 
-def add(a, b):
+def add(a: Vector, b: Vector) -> Vector:
     """Return the vector a + b."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
-def minus(a, b):
+def minus(a: Vector, b: Vector) -> Vector:
     """Return the vector a - b."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-def times(factor, a):
+def times(factor: Number, a: Vector) -> Vector:
     """Return the vector factor * a."""
     return factor * a[0], factor * a[1], factor * a[2]
 
 
-def dot(a, b):
+def dot(a: Vector, b: Vector) -> Number:
     """Return the scalar product a . b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def cross(a, b):
+def cross(a: Vector, b: Vector) -> Vector:
     """Return the vector product a x b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-def norm(a):
+def norm(a: Vector) -> Number:
     """Return |a|."""
     return sqrt(dot(a, a))
 
 
-def normal_to(n, a):
+def normal_to(n: Vector, a: Vector) -> Vector:
     """Return the part of a that is normal to the unit vector n."""
     return minus(a, times(dot(a, n), n))
 
 
-def quaternion_product(p, q):
+def quaternion_product(p: Quaternion, q: Quaternion) -> Quaternion:
     """Return p q, each as (scalar, x, y, z)."""
     return (
         p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
@@ -78,7 +84,7 @@ def quaternion_product(p, q):
     )
 
 
-def rotate(scalar, vector, inverse, a):
+def rotate(scalar: Number, vector: Vector, inverse: Number, a: Vector) -> Vector:
     """Turn a by the quaternion (scalar, vector) of any length, with inverse = 2 / length^2."""
     first = cross(vector, a)
     return add(a, times(inverse, add(times(scalar, first), cross(vector, first))))

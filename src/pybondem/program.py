@@ -14,15 +14,31 @@ The time step on one screen:
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from pybondem.ops import add, cross, dot, minus, norm, sqrt, times, where
+from pybondem.ops import Number, Vector, add, cross, dot, minus, norm, sqrt, times, where
 from pybondem.physics import frame, joint
 from pybondem.physics.frame import linear_load, relative_pose, viscous_load
 from pybondem.physics.motion import boundary_power, choose, drifted, kicked, turned
-from pybondem.physics.types import Deformation, Load, Stiffness
+from pybondem.physics.types import (
+    DamageFunction,
+    Deformation,
+    DragFunction,
+    Load,
+    Motion,
+    Pose,
+    Reference,
+    Relative,
+    Section,
+    Stiffness,
+    Stretch,
+    Viscosity,
+)
 
-Reads = tuple[Any, ...]
+Reads = tuple[Any, ...]  # names of fields, and (Type, names...)
+Numbers = tuple[Number, ...]  # what a body returns: all components of its writes, in one flat tuple
+Body = Callable[..., Any]  # what a stage calls: Numbers, or one number
 
 
 class Stage(NamedTuple):
@@ -32,7 +48,7 @@ class Stage(NamedTuple):
     """
 
     over: str
-    body: Callable[..., Any] | None = None
+    body: Body | None = None
     reads: Reads = ()
     writes: tuple[str, ...] = ()
     after: bool = False
@@ -41,16 +57,17 @@ class Stage(NamedTuple):
 class Element(NamedTuple):
     """How a bond deforms and answers: stretch(rel, ref), load(rel, ref, k), reference_direction(ref)."""
 
-    stretch: Callable[..., Any]
-    load: Callable[..., Any]
-    reference_direction: Callable[..., Any]
+    stretch: Callable[[Relative, Reference], Stretch]
+    load: Callable[[Relative, Reference, Stiffness], Load]
+    reference_direction: Callable[[Reference], Vector]
 
 
 BOND = Element(frame.stretch, frame.load, frame.reference_direction)
 JOINT = Element(joint.stretch, joint.load, joint.reference_direction)
 
 
-class Block(NamedTuple):
+@dataclass(frozen=True)
+class Block:
     """One contiguous block of bonds under one law: name, position of its first bond, number of bonds."""
 
     name: str
@@ -72,11 +89,17 @@ class Program(NamedTuple):
     bonds: dict[str, dict[str, Any]]
     shared: dict[str, Any]
 
+    def block(self, name: str) -> Block:
+        """Return the block of that name."""
+        return next(block for block in self.blocks if block.name == name)
+
 
 # Particles ------------------------------------------------------------------------------------------------------
 
 
-def start(pose, moving, force, torque, mass, inertia, hold, turn_hold, velocity, spin, push, push_torque, work, dt):
+def start(pose: Pose, moving: Motion, force: Vector, torque: Vector, mass: Number, inertia: Number, hold: Vector,
+          turn_hold: Vector, velocity: Vector, spin: Vector, push: Vector, push_torque: Vector, work: Number,
+          dt: Number) -> Numbers:  # fmt: skip
     """Half kick, drift, turn; the motion foreseen for the end of the step; work of the boundary."""
     h = 0.5 * dt
     v = choose(hold, velocity, kicked(moving.v, force, mass, h))
@@ -88,8 +111,9 @@ def start(pose, moving, force, torque, mass, inertia, hold, turn_hold, velocity,
     return *x, *q, *v, *w, *v_ahead, *w_ahead, work + h * power
 
 
-def start_dragged(pose, moving, force, torque, drag, drag_torque, dragged, mass, inertia, hold, turn_hold, velocity,
-                  spin, push, push_torque, work, dt):  # fmt: skip
+def start_dragged(pose: Pose, moving: Motion, force: Vector, torque: Vector, drag: Vector, drag_torque: Vector,
+                  dragged: Number, mass: Number, inertia: Number, hold: Vector, turn_hold: Vector, velocity: Vector,
+                  spin: Vector, push: Vector, push_torque: Vector, work: Number, dt: Number) -> Numbers:  # fmt: skip
     """The same under local or global damping, whose work is booked apart."""
     moved = start(
         pose, moving, add(force, drag), add(torque, drag_torque), mass, inertia, hold, turn_hold, velocity, spin,
@@ -99,7 +123,9 @@ def start_dragged(pose, moving, force, torque, drag, drag_torque, dragged, mass,
     return *moved, dragged - 0.5 * dt * (dot(drag, v) + dot(drag_torque, w))
 
 
-def finish(moving, force, torque, mass, inertia, hold, turn_hold, push, push_torque, gravity, work, dt):
+def finish(moving: Motion, force: Vector, torque: Vector, mass: Number, inertia: Number, hold: Vector,
+           turn_hold: Vector, push: Vector, push_torque: Vector, gravity: Vector, work: Number,
+           dt: Number) -> Numbers:  # fmt: skip
     """Push and gravity, half kick; work of the boundary."""
     h = 0.5 * dt
     force = add(force, add(push, times(mass, gravity)))
@@ -111,16 +137,15 @@ def finish(moving, force, torque, mass, inertia, hold, turn_hold, push, push_tor
     return *force, *torque, *v, *w, work + h * power
 
 
-def finish_dragged(drag_law):
+def finish_dragged(drag_law: DragFunction) -> Body:
     """Return `finish` with the damping force drag_law(coefficient, force, velocity, mass, dt) on free components."""
 
-    def finish_with_drag(moving, force, torque, dragged, mass, inertia, hold, turn_hold, push, push_torque, gravity,
-                         work, dt, coefficient):  # fmt: skip
+    def finish_with_drag(moving: Motion, force: Vector, torque: Vector, dragged: Number, mass: Number, inertia: Number,
+                         hold: Vector, turn_hold: Vector, push: Vector, push_torque: Vector, gravity: Vector,
+                         work: Number, dt: Number, coefficient: Number) -> Numbers:  # fmt: skip
         h = 0.5 * dt
         zero = (0.0, 0.0, 0.0)
-        done = finish(
-            moving, force, torque, mass, inertia, hold, turn_hold, push, push_torque, gravity, work, dt
-        )  # fmt: skip
+        done = finish(moving, force, torque, mass, inertia, hold, turn_hold, push, push_torque, gravity, work, dt)
         force, torque = (done[0], done[1], done[2]), (done[3], done[4], done[5])
         v, w = (done[6], done[7], done[8]), (done[9], done[10], done[11])
         drag = choose(hold, zero, drag_law(coefficient, force, moving.v, mass, dt))
@@ -135,13 +160,13 @@ def finish_dragged(drag_law):
 # Bonds ----------------------------------------------------------------------------------------------------------
 
 
-def ends(r, load):
-    """Return the force on i, the torque on i and the torque on j: nine numbers."""
+def ends(r: Vector, load: Load) -> Numbers:
+    """Return the force on i [N], the torque on i and the torque on j [N m]: nine numbers."""
     lever = times(0.5, cross(r, load.force))
     return *load.force, *add(lever, load.couple), *minus(lever, load.couple)
 
 
-def felt(s, k, section, ref):
+def felt(s: Stretch, k: Stiffness, section: Section, ref: Reference) -> Deformation:
     """Return what a damage law sees of a stretch: scalars and the stresses of the undamaged bond."""
     slip, bending = norm(s.slip), norm(s.bending)
     twist = sqrt(s.twist * s.twist)
@@ -152,34 +177,36 @@ def felt(s, k, section, ref):
     )  # fmt: skip
 
 
-def kept(k, damage, opening):
+def kept(k: Stiffness, damage: Number, opening: Number) -> Stiffness:
     """Return the stiffness that damage has left; a closed bond keeps its normal stiffness."""
     whole = 1.0 - damage
     return Stiffness(where(opening < 0.0, k.kn, whole * k.kn), whole * k.ks, whole * k.kt, whole * k.kb)
 
 
-def elastic_energy(s, k):
-    """Return U [J]."""
+def elastic_energy(s: Stretch, k: Stiffness) -> Number:
+    """Return U [J], the elastic energy of a bond (see `physics.frame`)."""
     shear = k.ks * dot(s.slip, s.slip)
     rotation = k.kt * s.twist * s.twist + k.kb * dot(s.bending, s.bending)
     return 0.5 * (k.kn * s.opening * s.opening + shear + rotation)
 
 
-def energy_open_to_damage(s, k):
-    """Return the part of U that damage acts on: all of it, but the normal part of a closed bond."""
+def energy_open_to_damage(s: Stretch, k: Stiffness) -> Number:
+    """Return the part of U [J] that damage acts on: all of it, but the normal part of a closed bond."""
     return elastic_energy(s, Stiffness(where(s.opening < 0.0, 0.0, k.kn), k.ks, k.kt, k.kb))
 
 
-def damage_step(element, law):
+def damage_step(element: Element, law: DamageFunction) -> Callable[..., tuple[Stiffness, Number, Numbers]]:
     """Return the function that grows the damage of a bond and books the energy it takes.
 
-    The energy dissipated by a growth dD of the damage is dD sqrt(U_before U_now): what the trapezoid rule of the
-    integrator takes out of the motion, exact to round-off for proportional loading, a sudden rupture included.
+    It returns the stiffness that is left, the share 1 - D that is whole, and what is written: D, the energy open to
+    damage, the energy lost so far [J], the memory of the law. A growth dD dissipates dD sqrt(U_before U_now): what the
+    trapezoid rule of the integrator takes out of the motion, exact to round-off for proportional loading, a sudden
+    rupture included.
     """
-
     stretch = element.stretch
 
-    def step(rel, ref, k, section, parameters, memory, damage, potential, lost):
+    def step(rel: Relative, ref: Reference, k: Stiffness, section: Section, parameters: Any, memory: Any,
+             damage: Number, potential: Number, lost: Number) -> tuple[Stiffness, Number, Numbers]:  # fmt: skip
         s = stretch(rel, ref)
         now, memory = law(felt(s, k, section, ref), memory, parameters)
         energy = energy_open_to_damage(s, k)
@@ -189,34 +216,36 @@ def damage_step(element, law):
     return step
 
 
-def dashpots(rel, moving_i, moving_j, c, whole, power, damped, dt):
-    """Return the load of the dashpots and their book: power now, energy taken so far (trapezoid rule)."""
+def dashpots(rel: Relative, moving_i: Motion, moving_j: Motion, c: Viscosity, whole: Number, power: Number,
+             damped: Number, dt: Number) -> tuple[Load, Number, Number]:  # fmt: skip
+    """Return the load of the dashpots and their book: power now [W], energy taken so far [J] (trapezoid rule)."""
     viscous, taken = viscous_load(rel, moving_i, moving_j, c)
     taken = whole * taken
     return Load(times(whole, viscous.force), times(whole, viscous.couple)), taken, damped + 0.5 * dt * (power + taken)
 
 
-def both(a, b):
+def both(a: Load, b: Load) -> Load:
     """Return the sum of two loads."""
     return Load(add(a.force, b.force), add(a.couple, b.couple))
 
 
-def elastic_body(element):
+def elastic_body(element: Element) -> Body:
     """Return the body of an unbreakable elastic bond."""
     load = element.load
 
-    def elastic(i, j, ref, k):
+    def elastic(i: Pose, j: Pose, ref: Reference, k: Stiffness) -> Numbers:
         rel = relative_pose(i, j)
         return ends(rel.r, load(rel, ref, k))
 
     return elastic
 
 
-def viscous_body(element):
+def viscous_body(element: Element) -> Body:
     """Return the body of an unbreakable bond with dashpots."""
     load = element.load
 
-    def viscous(i, j, ref, k, moving_i, moving_j, c, power, damped, dt):
+    def viscous(i: Pose, j: Pose, ref: Reference, k: Stiffness, moving_i: Motion, moving_j: Motion, c: Viscosity,
+                power: Number, damped: Number, dt: Number) -> Numbers:  # fmt: skip
         rel = relative_pose(i, j)
         dashpot, power, damped = dashpots(rel, moving_i, moving_j, c, 1.0, power, damped, dt)
         return *ends(rel.r, both(load(rel, ref, k), dashpot)), power, damped
@@ -224,11 +253,12 @@ def viscous_body(element):
     return viscous
 
 
-def damaging_body(element, law):
+def damaging_body(element: Element, law: DamageFunction) -> Body:
     """Return the body of a bond with a damage law."""
     grow, load = damage_step(element, law), element.load
 
-    def damaging(i, j, ref, k, section, parameters, memory, damage, potential, lost):
+    def damaging(i: Pose, j: Pose, ref: Reference, k: Stiffness, section: Section, parameters: Any, memory: Any,
+                 damage: Number, potential: Number, lost: Number) -> Numbers:  # fmt: skip
         rel = relative_pose(i, j)
         left, _, book = grow(rel, ref, k, section, parameters, memory, damage, potential, lost)
         return *ends(rel.r, load(rel, ref, left)), *book
@@ -236,12 +266,14 @@ def damaging_body(element, law):
     return damaging
 
 
-def damaging_viscous_body(element, law):
+def damaging_viscous_body(element: Element, law: DamageFunction) -> Body:
     """Return the body of a bond with a damage law and dashpots."""
     grow, load = damage_step(element, law), element.load
 
-    def damaging_viscous(i, j, ref, k, section, parameters, memory, damage, potential, lost, moving_i, moving_j, c,
-                         power, damped, dt):  # fmt: skip
+    def damaging_viscous(i: Pose, j: Pose, ref: Reference, k: Stiffness, section: Section, parameters: Any,
+                         memory: Any, damage: Number, potential: Number, lost: Number, moving_i: Motion,
+                         moving_j: Motion, c: Viscosity, power: Number, damped: Number,
+                         dt: Number) -> Numbers:  # fmt: skip
         rel = relative_pose(i, j)
         left, whole, book = grow(rel, ref, k, section, parameters, memory, damage, potential, lost)
         dashpot, power, damped = dashpots(rel, moving_i, moving_j, c, whole, power, damped, dt)
@@ -250,22 +282,22 @@ def damaging_viscous_body(element, law):
     return damaging_viscous
 
 
-def energy_body(element):
-    """Return the body that evaluates the elastic energy of a bond at frozen damage."""
+def energy_body(element: Element) -> Body:
+    """Return the body that evaluates the elastic energy [J] of a bond at frozen damage: one number."""
     stretch = element.stretch
 
-    def energy(i, j, ref, k, damage):
+    def energy(i: Pose, j: Pose, ref: Reference, k: Stiffness, damage: Number) -> Number:
         s = stretch(relative_pose(i, j), ref)
         return elastic_energy(s, kept(k, damage, s.opening))
 
     return energy
 
 
-def linear_body(element):
+def linear_body(element: Element) -> Body:
     """Return the body of the linearised bond: displacements and rotations of the ends -> load, nine numbers."""
     opening = element.reference_direction
 
-    def linear(i, j, ref, k):
+    def linear(i: Motion, j: Motion, ref: Reference, k: Stiffness) -> Numbers:
         return ends(ref.r0, linear_load(i, j, opening(ref), ref, k))
 
     return linear

@@ -36,7 +36,7 @@ class Results:
         self.figures: dict[str, Path] = {}
         self.facts: dict[str, str] = {}
         self.summary: dict[str, Any] = {}
-        self._began, self._first_step = clocks.perf_counter(), sim.step
+        self._began, self._first_step, self._stepped = clocks.perf_counter(), sim.step, sim.stepping
         self._tables: dict[str, tuple[Record, HistoryWriter]] = {}
         self.slow_until: float | None = None
         self._frame_every, self._last_frame = frame_every, -1
@@ -106,24 +106,25 @@ class Results:
             writer.close()
         self._draw()
         wall = clocks.perf_counter() - self._began
-        steps = sim.step - self._first_step
-        write_json(self.folder / "summary.json", {"outcome": outcome, **self._run_facts(wall, steps), **self.summary,
-                                                   "provenance": provenance()})  # fmt: skip
-        book = self._book()
+        facts = self._run_facts(wall)
+        summary = {"outcome": outcome, **facts, **self.summary, "provenance": provenance()}
+        write_json(self.folder / "summary.json", summary)
+        files = {"summary": self.folder / "summary.json", "ParaView": self.folder / "particles.vtkhdf"} | self.figures
+        shares = {"time steps": facts["stepping_s"], "records, files, figures": wall - facts["stepping_s"]}
         closing_block(
-            self.name, wall=wall, steps=steps, particles=len(sim.model), outcome=outcome, time=sim.time,
-            energy_error=book.get("energy_error"), kinetic_ratio=book.get("kinetic_ratio"), broken=sim.broken,
-            total_bonds=sim.bond_count, facts=self.facts, quiet=self.quiet,
-            files={"summary": self.folder / "summary.json", "ParaView": self.folder / "particles.vtkhdf", **self.figures},
+            self.name, wall=wall, steps=facts["steps"], particles=len(sim.model), outcome=outcome, time=sim.time,
+            shares=shares, energy_error=facts.get("energy_error"), kinetic_ratio=facts.get("kinetic_ratio"),
+            broken=sim.broken, total_bonds=sim.bond_count, facts=self.facts, files=files, quiet=self.quiet,
         )  # fmt: skip
 
-    def _run_facts(self, wall: float, steps: int) -> dict[str, Any]:
+    def _run_facts(self, wall: float) -> dict[str, Any]:
         sim = self.sim
+        steps, stepping = sim.step - self._first_step, max(sim.stepping - self._stepped, 1e-9)
         return {
             "case": self.name, "particles": len(sim.model), "bonds": sim.bond_count, "broken": sim.broken,
             "engine": sim.engine.name, "dt_s": sim.dt, "critical_dt_s": sim.limit.dt, "steps": steps,
-            "time_s": sim.time, "wall_s": wall, "steps_per_s": steps / wall,
-            "particle_steps_per_s": steps * len(sim.model) / wall, "energy": sim.energies._asdict(), **self._book(),
+            "time_s": sim.time, "wall_s": wall, "stepping_s": stepping, "steps_per_s": steps / stepping,
+            "particle_steps_per_s": steps * len(sim.model) / stepping, "energy": sim.energies._asdict(), **self._book(),
         }  # fmt: skip
 
     def _book(self) -> dict[str, float]:
@@ -149,15 +150,16 @@ class Results:
             if len(record["time"].values) < 2:
                 continue
             rest = [n for n in record.columns if n != "time"]
+            time = record["time"].values
             if set(rest) >= BOOK:
                 columns = {n: record[f"energy_{n}"].values for n in Energies._fields}
                 residual = columns.pop("residual")
                 book = {n: values for n, values in columns.items() if np.any(values)}
                 path = self.folder / "energy.png"
                 if book:
-                    self.figures["energy"] = energy_book(path, record.time.values, book, residual)
+                    self.figures["energy"] = energy_book(path, time, book, residual)
                 rest = [n for n in rest if n not in BOOK]
             for name in rest:
                 path = self.folder / f"{record.name}-{name}.png"
-                values, unit = record[name].values, record[name].unit
-                line_figure(path, record.time.values, {name: values}, labels=("time", name), units=("s", unit.replace("1", "")))
+                unit = record[name].unit.replace("1", "")
+                line_figure(path, time, {name: record[name].values}, labels=("time", name), units=("s", unit))

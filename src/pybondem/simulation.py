@@ -70,9 +70,9 @@ class Interrupted(KeyboardInterrupt):
 class Simulation:
     """A model made ready to run.
 
-    engine: "cpu" (the default), "reference" or "interpreted"; dt: time step [s], by default `safety` times the critical step of the
-    model's own stiffness; damping: `local`, `viscous` or `kinetic` (see `damping`), None for none; gravity (3,)
-    [m/s2]; threads: of the cpu engine, by default the physical cores. Raises InputError for bad values and
+    engine: "cpu" (the default), "reference" or "interpreted"; dt: time step [s], by default `safety` times the critical
+    step of the model's own stiffness; damping: `local`, `viscous` or `kinetic` (see `damping`), None for none; gravity
+    (3,) [m/s2]; threads: of the cpu engine, by default the physical cores. Raises InputError for bad values and
     UnstableError for a step above the critical one.
     """
 
@@ -82,13 +82,15 @@ class Simulation:
         if damping is not None and not isinstance(damping, Drag | Kinetic):
             raise InputError(f"damping is {damping!r}; give local(...), viscous(...), kinetic(...) or None.")
         self.model = model
-        self.gravity = tuple(float(g) for g in vector("gravity", gravity))
+        gx, gy, gz = vector("gravity", gravity).tolist()
+        self.gravity: tuple[float, float, float] = (gx, gy, gz)
         self.engine = make_engine(engine or session.engine, threads or session.threads)
         self.state: Assembly = assemble(model)
         self.start_positions: Floats = self.state.particles["x"].copy()
         self.limit: Limit = stability_limit(self.state, self.engine)
         self.dt = self._time_step(dt, safety)
         self.step = 0
+        self.stepping = 0.0  # wall time spent in the engine's steps [s]
         self.records: list[Record] = []
         self._kinetic = damping if isinstance(damping, Kinetic) else None
         self._kinetic_taken, self._kinetic_before = 0.0, 0.0
@@ -108,8 +110,8 @@ class Simulation:
         dt = positive("dt", dt, "s")
         if dt > self.limit.dt:
             raise UnstableError(
-                f"dt is {dt:.4g} s, above the critical step {self.limit.dt:.4g} s, which is set by the bonds of particle "
-                f"{self.limit.particle}; leave dt out to have it chosen, or lower it."
+                f"dt is {dt:.4g} s, above the critical step {self.limit.dt:.4g} s, which is set by the bonds of "
+                f"particle {self.limit.particle}; leave dt out to have it chosen, or lower it."
             )
         return dt
 
@@ -125,7 +127,7 @@ class Simulation:
         every = whole_number("every of record", every)
         for key, measure in measures.items():
             if not isinstance(measure, Measure):
-                raise InputError(f"record was given {key}={measure!r}; give a measure such as reaction(...) or energy().")
+                raise InputError(f"record was given {key}={measure!r}; give a measure: reaction(...), energy() ...")
         record = Record(name, every, measures)
         record.take(self)
         self.records.append(record)
@@ -157,9 +159,9 @@ class Simulation:
         with self._keyboard(), Progress(title, total, len(self.model), quiet=quiet or session.quiet) as progress:
             while (last is None or self.step < last) and not self._interrupted:
                 n = min(block, self._steps_to_record(), MOST_STEPS if last is None else last - self.step)
-                began = clocks.perf_counter()
+                before = self.stepping
                 self._advance(n)
-                spent = max(clocks.perf_counter() - began, 1e-9)
+                spent = max(self.stepping - before, 1e-9)
                 block = int(np.clip(n * LONGEST_BLOCK / spent, 1, min(2 * block, MOST_STEPS)))
                 done = self._take_records() and until is not None and until()
                 if progress.due():
@@ -200,7 +202,9 @@ class Simulation:
 
     def _advance(self, n: int) -> None:
         """Advance n steps inside the engine."""
+        began = clocks.perf_counter()
         self._runner.advance(n, self.dt, self.state.tables.schedule(self.step, n, self.dt))
+        self.stepping += clocks.perf_counter() - began
         self.step += n
         if not np.isfinite(self.state.particles["x"].sum()):
             bad = ~np.isfinite(self.state.particles["x"]).all(axis=0)
@@ -288,7 +292,8 @@ class Simulation:
         part = slice(block.first, block.first + block.count)
         kept_order = self.state.order[arrays["i"]] == bonds.pairs[order, 0]
         force = np.where(kept_order, 1.0, -1.0) * self.state.shared["load"][:3, part]
-        fields = {"damage": np.zeros(len(back))} | {n: np.broadcast_to(a, len(back)) for n, a in arrays.items() if np.ndim(a) < 2}
+        fields = {name: np.broadcast_to(a, len(back)) for name, a in arrays.items() if np.ndim(a) < 2}
+        fields.setdefault("damage", np.zeros(len(back)))
         fields |= {"energy": self.bond_energy()[part], "force": force.T}
         fields |= {"i": self.state.order[arrays["i"]], "j": self.state.order[arrays["j"]]}
         return SimpleNamespace(**{name: np.array(value[back]) for name, value in fields.items()})

@@ -4,6 +4,7 @@ Each problem lies in a direction of its own, skew to the axes.
 """
 
 from collections.abc import Callable
+from itertools import pairwise
 from math import exp, pi
 from typing import Any
 
@@ -114,7 +115,7 @@ def test_d02_shear_with_rotations_blocked(engine: str, pair: Make, shift: float)
         x[1] += shift * t
     p = sim.particles
     V = shifted_force(DP0, shift)
-    assert V == pytest.approx(DP0.ks * shift, rel=1e-9 if shift < 1e-7 else 1e-8)
+    assert pytest.approx(DP0.ks * shift, rel=1e-9 if shift < 1e-7 else 1e-8) == V
     assert p.force @ t == pytest.approx([V, -V], rel=1e-9)
     assert p.torque @ b == pytest.approx([0.5 * DP0.ks * shift * DP0.length] * 2, rel=1e-9 if shift < 1e-7 else 2e-8)
     np.testing.assert_allclose(p.torque @ np.stack([n, t], axis=1), 0.0, atol=1e-9 * V * DP0.length)
@@ -257,7 +258,7 @@ def test_d21_compression_never_breaks(engine: str, pair: Make, dp0: Make) -> Non
 def stepwise(slips: list[float], step: float, dt: float) -> tuple[Floats, Floats]:
     """Return times and speeds that go from slip to slip, `step` per dt, with jumps of the speed in next to no time."""
     times, speeds, now = [], [], 0.0
-    for before, after in zip(slips[:-1], slips[1:], strict=True):
+    for before, after in pairwise(slips):
         later = now + abs(after - before) / step * dt
         times += [now + 1e-6 * dt, later - 1e-6 * dt]
         speeds += [np.sign(after - before) * step / dt] * 2
@@ -344,7 +345,7 @@ def test_d24_flown_apart(engine: str, pair: Make, dp0: Make, watch: Make) -> Non
     broken, _, _, damage, _, residual, length = seen.T
     rupture = int(np.argmax(broken))
     before, after = (0.5 * DP0.kn * (length[k] - DP0.length) ** 2 for k in (rupture - 1, rupture))
-    assert 0 < rupture
+    assert rupture > 0
     assert before < U < after
     assert before < damage[-1] < after
     assert DP0.mass * speed**2 - 0.5 * DP0.mass * np.sum(sim.particles.v**2) == pytest.approx(damage[-1], rel=1e-11)

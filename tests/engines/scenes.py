@@ -18,7 +18,7 @@ Families = Mapping[str, bd.Bond | bd.Joint]
 
 
 def families(toughness: float = 1.0) -> Families:
-    """Return every elastic form and damage law, with and without dashpots, and joints.
+    """Return every elastic form and damage law, and joints, with and without dashpots.
 
     At toughness 1 some bonds of each kind are whole, some softening and some broken in the state of `Scene.loaded`.
     """
@@ -32,21 +32,24 @@ def families(toughness: float = 1.0) -> Families:
     return {
         "elastic": bd.Bond(bd.parallel(E=E, stiffness_ratio=2.0, radius_ratio=0.8)),
         "viscous": bd.Bond(bd.timoshenko(E=E, nu=0.2, radius_ratio=0.7), damping=0.05),
-        "brittle": bd.Bond(bd.euler_bernoulli(E=E, nu=0.3, radius_ratio=0.4), brittle(4e7, 2e8, 1.0)),
         "brittle viscous": bd.Bond(
-            bd.parallel(E=E, stiffness_ratio=1.0, radius_ratio=0.6), brittle(5e7, 7e7, 0.5), damping=0.02
+            bd.euler_bernoulli(E=E, nu=0.3, radius_ratio=0.6), brittle(5e7, 7e7, 0.5), damping=0.02
         ),
         "softening": bd.Bond(bd.springs(kn=4e6, ks=1e6), soft(3e-4, 9e-4)),
-        "softening viscous": bd.Bond(bd.timoshenko(E=E, nu=0.0, radius_ratio=0.6), soft(2e-4, 9e-4), damping=0.1),
         "joint": bd.Joint(soft(3e-4, 9e-4, stiffness=1e11), normal_stiffness=3e11),
         "joint viscous": bd.Joint(soft(2e-4, 9e-4, stiffness=5e10), damping=0.05),
     }
 
 
+def beams() -> Families:
+    """Return plain elastic beams."""
+    return {"beam": bd.Bond(bd.timoshenko(E=E, nu=0.2, radius_ratio=0.8))}
+
+
 def unbreakable() -> Families:
     """Return beams, and joints that never soften: a conservative system."""
     return {
-        "beam": bd.Bond(bd.timoshenko(E=E, nu=0.2, radius_ratio=0.8)),
+        **beams(),
         "joint": bd.Joint(bd.bilinear(slip_peak=1.0, slip_end=2.0, stiffness=1e11), normal_stiffness=3e11),
     }
 

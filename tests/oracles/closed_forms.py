@@ -379,9 +379,9 @@ def periodic_constants(kind: str, kn: float, ks: float, length: float) -> dict[s
     2U/V = sum over the bonds of a site of kn (n.en)^2 + ks |en - (n.en) n - turn x n|^2, times l^2/V.
     """
     lattice = LATTICES[kind]
-    volume = lattice.volume * length ** (2 if kind == "triangular" else 3)
-    energies = {}
-    for name, strain in STRAINS.items():
+    normals, volume = lattice.bonds, lattice.volume * length ** (2 if kind == "triangular" else 3)
+    energies = []
+    for strain in STRAINS.values():
         along = np.einsum("bi,ij,bj->b", normals, strain, normals)
         across = (normals @ strain - along[:, None] * normals).ravel()
         turning = np.concatenate([np.cross(np.eye(3), n).T for n in normals])

@@ -9,9 +9,10 @@ from types import CellType, FunctionType
 from typing import Any
 
 Words = Mapping[Any, Any]
+Finish = Callable[[FunctionType], Any]
 
 
-def bind(function: Callable[..., Any], words: Words, finish: Callable[[FunctionType], Any], made: dict[Any, Any]) -> Any:
+def bind(function: Callable[..., Any], words: Words, finish: Finish, made: dict[Any, Any]) -> Any:
     """Return `function` in another target's words.
 
     words: replacements for functions of `ops`; finish: what makes a target's function of a plain one (a compiler, or

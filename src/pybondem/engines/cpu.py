@@ -13,7 +13,7 @@ import sys
 import tempfile
 import warnings
 from pathlib import Path
-from types import FunctionType, ModuleType
+from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 import llvmlite.binding as llvm
@@ -31,14 +31,13 @@ from pybondem.state import Arrays
 WORDS = {ops.sqrt: np.sqrt, ops.exp: np.exp}
 BONDS_PER_THREAD = 1000  # fewer are faster on fewer threads
 
+_BOUND: dict[Any, Any] = {}  # compiled code is never freed: bind each function once
+_MODULES: dict[str, ModuleType] = {}
+
 
 def inlined(function: FunctionType) -> Any:
     """Return a function that is always inlined, with IEEE division."""
     return numba.njit(forceinline=True, error_model="numpy")(function)
-
-
-_BOUND: dict[Any, Any] = {}  # compiled code is never freed: bind each function once
-_MODULES: dict[str, ModuleType] = {}
 
 
 def physical_cores() -> int:
@@ -60,9 +59,8 @@ def prepare_numba() -> None:
             from numba.np.ufunc import omppool  # noqa: F401
         except ImportError:
             config.THREADING_LAYER = "workqueue"
-            warnings.warn(
-                "OpenMP (libgomp) was not found: threads run on Numba's workqueue, slower on small models.", stacklevel=2
-            )
+            said = "OpenMP (libgomp) was not found: threads run on Numba's workqueue, slower on small models."
+            warnings.warn(said, stacklevel=2)
         else:
             config.THREADING_LAYER = "omp"
 
@@ -93,17 +91,24 @@ def fingerprint(loops: Loops) -> str:
 
 
 def _code_of(value: Any, seen: set[Any]) -> bytes:
-    """Return the byte code and constants of a function and of every function and number that it uses."""
-    if not isinstance(value, FunctionType):
-        return repr(value).encode() if isinstance(value, int | float | str | tuple) else b""
+    """Return what a value compiles to: a function's byte code, names and constants, and all values that it uses."""
+    if isinstance(value, np.ndarray):
+        return repr((value.dtype, value.shape)).encode() + value.tobytes()
+    if not isinstance(value, FunctionType | CodeType):
+        return repr(value).encode()
     if value in seen:
         return b""
     seen.add(value)
-    code = value.__code__
-    used = [value.__globals__[n] for n in code.co_names if n in value.__globals__]
-    used += [cell.cell_contents for cell in value.__closure__ or ()]
-    constants = repr([c for c in code.co_consts if not hasattr(c, "co_code")]).encode()
-    return code.co_code + constants + b"".join(_code_of(v, seen) for v in used)
+    code, used = (value, []) if isinstance(value, CodeType) else (value.__code__, _globals_and_cells(value))
+    own = repr((code.co_code, code.co_names)).encode()  # the byte code holds only the places of its names
+    return own + b"".join(_code_of(v, seen) for v in [*code.co_consts, *used])
+
+
+def _globals_and_cells(function: FunctionType) -> list[Any]:
+    """Return the values from outside that a function uses."""
+    code = function.__code__
+    used = [function.__globals__[n] for n in code.co_names if n in function.__globals__]
+    return used + [cell.cell_contents for cell in function.__closure__ or ()]
 
 
 def compiled(loops: Loops) -> Any:

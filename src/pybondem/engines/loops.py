@@ -4,13 +4,12 @@ The text holds nothing but loops, array look-ups by field name, and calls of the
 compiles it, the interpreted engine runs it as it is.
 """
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from pybondem.program import Program, Stage
-from pybondem.state import GROUP_FIELDS, SCHEDULED_FIELDS
+from pybondem.program import Body, Program, Stage
+from pybondem.state import GROUP_FIELDS, SCHEDULED_FIELDS, Arrays
 
 GROUP = {f.name for f in GROUP_FIELDS}
 SCHEDULED = {f.name for f in SCHEDULED_FIELDS}
@@ -40,18 +39,15 @@ class Loops:
     def __init__(self, program: Program) -> None:
         self.program = program
         self.arguments: dict[str, Any] = {}
-        self.bodies: dict[str, Callable[..., Any]] = {}
+        self.bodies: dict[str, Body] = {}
         self.types: dict[str, type] = {}
         lines = [line for number, stage in enumerate(program.stages) for line in self._stage(number, stage)]
-        head = [
-            f"def advance(steps, {', '.join(self.arguments)}):",
-            "    for step in range(steps):",
-        ]
-        self.source = "\n".join(head) + "\n" + "".join(lines)
+        head = [f"def advance(steps, {', '.join(self.arguments)}):\n", "    for step in range(steps):\n"]
+        self.source = "".join(head + lines)
 
     def _stage(self, number: int, stage: Stage) -> list[str]:
-        """Return the lines of one stage."""
-        if stage.over == "gather":
+        """Return the text of one stage, line by line."""
+        if stage.body is None:  # the gather
             for name in ("load", "first", "ends"):
                 self.arguments[name] = self.program.shared[name]
             for name in ("force", "torque"):
@@ -75,10 +71,16 @@ class Loops:
         """Return the expression for one argument of a body."""
         if isinstance(name, tuple):
             kind, *fields = name
-            self.types[kind.__name__] = kind
-            return f"{kind.__name__}({', '.join(self._read(stage, f) for f in fields)})"
+            return f"{self._type(kind)}({', '.join(self._read(stage, f) for f in fields)})"
         parts = self._components(stage, name)
         return parts[0] if len(parts) == 1 else f"({', '.join(parts)})"
+
+    def _type(self, kind: type) -> str:
+        """Return the name that a type goes by: its own, with a stroke for every other type that has the same."""
+        name = kind.__name__
+        while self.types.setdefault(name, kind) is not kind:
+            name += "_"
+        return name
 
     def _components(self, stage: Stage, name: str) -> list[str]:
         """Return the expression for each component of a field or constant."""
@@ -96,15 +98,13 @@ class Loops:
             return [f"{field}[{c}, g]" for c in range(shared[field].shape[0])]
         if field in ("load", "energy"):
             self.arguments[field] = shared[field]
-            self.arguments[f"{stage.over}_first"] = np.uint64(self._first(stage.over))
+            self.arguments[f"{stage.over}_first"] = np.uint64(self.program.block(stage.over).first)
             where = f"k + {stage.over}_first"
-            return [f"{field}[{where}]"] if shared[field].ndim == 1 else [f"{field}[{c}, {where}]" for c in range(9)]
+            rows = [f"{c}, " for c in range(shared[field].shape[0])] if shared[field].ndim == 2 else [""]
+            return [f"{field}[{row}{where}]" for row in rows]
         if end or stage.over == "particles":
             return self._item("p", self.program.particles, field, end or "k")
         return self._item(stage.over, self.program.bonds[stage.over], field, "k")
-
-    def _first(self, block: str) -> int:
-        return next(b.first for b in self.program.blocks if b.name == block)
 
     def _item(self, prefix: str, arrays: dict[str, Any], name: str, index: str) -> list[str]:
         value, argument = arrays[name], self._array(prefix, arrays, name)
@@ -120,7 +120,7 @@ class Loops:
         self.arguments[argument] = arrays[name]
         return argument
 
-    def values(self, dt: float, schedule: dict[str, Any]) -> list[Any]:
-        """Return the values of the arguments for one call: time step and scheduled fields are those given."""
-        given = schedule | {"dt": dt}
+    def values(self, dt: float, schedule: Arrays) -> list[Any]:
+        """Return the values of the arguments for one call: time step dt [s] and scheduled fields are those given."""
+        given: dict[str, Any] = schedule | {"dt": dt}
         return [given.get(name, value) for name, value in self.arguments.items()]

@@ -20,7 +20,6 @@ WORDS = {
     ops.absolute: np.abs,
 }
 
-
 _ON_ARRAYS: dict[Any, Any] = {}
 
 
@@ -70,7 +69,7 @@ class ReferenceRunner:
         for name in stage.writes:
             target = self._home(stage).get(name)
             if target is None:  # load and energy stand in one array for all blocks
-                block = next(b for b in self._program.blocks if b.name == stage.over)
+                block = self._program.block(stage.over)
                 target = self._program.shared[name][..., block.first : block.first + block.count]
             for row in target if target.ndim == 2 else [target]:
                 row[...] = rest.pop(0)

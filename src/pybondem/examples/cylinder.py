@@ -86,16 +86,16 @@ class Cylinder:
         with Results(sim, "cylinder", folder=folder, frame_every=every * RECORDS // 20, quiet=quiet) as results:
             results.slow_until = self.duration
             sim.run(time=self.duration, title="cylinder", quiet=quiet)
-            summary = built.compare(record.strain.values, record.force.values, engine, threads)
+            summary = built.compare(record["strain"].values, record["force"].values, engine, threads)
             results.summary.update(summary)
             results.facts.update({name: f"{100.0 * value:+.3f} %" for name, value in summary["errors"].items()})
             exact = summary["stiffness"]["static_solve_N"]
             results.figures["force"] = curve_against_theory(
-                results.folder / "force-strain.png", (record.strain.values, record.force.values),
-                (record.strain.values, exact * record.strain.values), labels=("strain", "force"), units=("", "N"),
+                results.folder / "force-strain.png", (record["strain"].values, record["force"].values),
+                (record["strain"].values, exact * record["strain"].values), labels=("strain", "force"), units=("", "N"),
                 names=("simulation", "static solve of the lattice"),
             )  # fmt: skip
-        return CylinderResult(results.folder, record.strain.values, record.force.values, summary)
+        return CylinderResult(results.folder, record["strain"].values, record["force"].values, summary)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pybondem.damping import local
-from pybondem.examples.pullout import PullOutModel
+from pybondem.examples.pullout_setup import PullOutModel
 from pybondem.measure import applied, broken, displacement, energy, unbalanced
 from pybondem.output.figures import curve_against_theory, profiles_against_theory
 from pybondem.results import Results
@@ -51,7 +51,9 @@ class PullOutResult:
         print(self.folder)
 
 
-def run_pullout(built: PullOutModel, engine: str, threads: int | None, folder: str | Path | None, quiet: bool) -> PullOutResult:
+def run_pullout(
+    built: PullOutModel, engine: str, threads: int | None, folder: str | Path | None, quiet: bool
+) -> PullOutResult:
     """Run the test and write its result folder."""
     test = built.test
     sim = Simulation(built.model, engine=engine, threads=threads, safety=0.5, damping=local(test.damping))
@@ -64,18 +66,18 @@ def run_pullout(built: PullOutModel, engine: str, threads: int | None, folder: s
     sim.observe(lambda s: shear.append(s.interface(built.joints)[1]))
     with Results(sim, "pullout", folder=folder, frame_every=every * RECORDS // 50, quiet=quiet) as results:
         sim.run(time=test.duration, title="pull-out", quiet=quiet)
-        stable = record.displacement.values <= STABLE * last_stable_displacement(test.theory())
-        results.slow_until = float(record.time.values[stable].max())
-        profiles = compare_profiles(built, record.displacement.values, np.array(shear))
-        summary = compare(built, sim, record.displacement.values, record.load.values, profiles)
-        draw(built, results, record.displacement.values, record.load.values, profiles)
+        stable = record["displacement"].values <= STABLE * last_stable_displacement(test.theory())
+        results.slow_until = float(record["time"].values[stable].max())
+        profiles = compare_profiles(built, record["displacement"].values, np.array(shear))
+        summary = compare(built, sim, record["displacement"].values, record["load"].values, profiles)
+        draw(built, results, record["displacement"].values, record["load"].values, profiles)
         results.summary.update(summary)
         results.facts.update({name: f"{100.0 * value:+.2f} %" for name, value in summary["errors"].items()})
-    return PullOutResult(results.folder, record.displacement.values, record.load.values, profiles, summary)
+    return PullOutResult(results.folder, record["displacement"].values, record["load"].values, profiles, summary)
 
 
 def stage_displacements(theory: PullOut) -> list[float]:
-    """Return the end displacements [m] at which profiles are compared: elastic, then softening up to the last stable."""
+    """Return the end displacements [m] of the compared profiles: elastic, then softening up to the last stable one."""
     elastic = [theory.state_at_load(f * theory.onset_load()).displacement for f in STAGES]
     return elastic + list(np.linspace(elastic[-1], last_stable_displacement(theory), SOFTENING_STAGES + 2)[1:-1])
 
@@ -102,7 +104,9 @@ def compare_profiles(built: PullOutModel, displacement: Floats, shear: Floats) -
     return tuple(profiles)
 
 
-def compare(built: PullOutModel, sim: Simulation, u: Floats, load: Floats, profiles: tuple[Profile, ...]) -> dict[str, Any]:
+def compare(
+    built: PullOutModel, sim: Simulation, u: Floats, load: Floats, profiles: tuple[Profile, ...]
+) -> dict[str, Any]:
     """Return the summary: what was built, what came out, and the errors against the analytic solution."""
     test, theory = built.test, built.test.theory()
     peak, last = theory.peak(), last_stable_displacement(theory)
@@ -137,7 +141,8 @@ def draw(built: PullOutModel, results: Results, u: Floats, load: Floats, profile
     path, peak = theory.path(), theory.peak()
     results.figures["load"] = curve_against_theory(
         results.folder / "load-displacement.png", (u, load), (path.displacement, path.load),
-        labels=("displacement of the fibre end", "load"), units=("m", "N"), marks={"peak": (peak.displacement, peak.load)},
+        labels=("displacement of the fibre end", "load"), units=("m", "N"),
+        marks={"peak": (peak.displacement, peak.load)},
     )  # fmt: skip
     if not profiles:
         return

@@ -9,22 +9,22 @@ For infinitesimal rotations its 12 x 12 stiffness is that of the Timoshenko beam
 Matrix Structural Analysis, 1968, section 5.6), so parallel bonds and beams are values of (kn, ks, kt, kb).
 """
 
-from pybondem.ops import absolute, add, cross, dot, minus, norm, normal_to, rotate, times, where
-from pybondem.physics.types import Load, Relative, Stretch
+from pybondem.ops import Number, Vector, absolute, add, cross, dot, minus, norm, normal_to, rotate, times, where
+from pybondem.physics.types import Load, Motion, Pose, Reference, Relative, Stiffness, Stretch, Viscosity
 
 # 2 asin(sqrt z) / sqrt z as a series in z: eight terms are right to 2e-12 at 0.5 rad.
 B0, B1, B2, B3 = 2.0, 2.0 / 6.0, 6.0 / 40.0, 10.0 / 112.0
 B4, B5, B6, B7 = 70.0 / 1152.0, 126.0 / 2816.0, 462.0 / 13312.0, 286.0 / 10240.0
 
 
-def rotation_series(z):
-    """Return beta(z) and d beta / dz: the rotation vector is theta = beta(s . s) s."""
+def rotation_series(z: Number) -> tuple[Number, Number]:
+    """Return beta(z) and d beta / dz: the rotation vector is theta = beta(s . s) s [rad]."""
     beta = B0 + z * (B1 + z * (B2 + z * (B3 + z * (B4 + z * (B5 + z * (B6 + z * B7))))))
     slope = B1 + z * (2.0 * B2 + z * (3.0 * B3 + z * (4.0 * B4 + z * (5.0 * B5 + z * (6.0 * B6 + z * 7.0 * B7)))))
     return beta, slope
 
 
-def relative_pose(i, j):
+def relative_pose(i: Pose, j: Pose) -> Relative:
     """Return the pose of end j seen from end i."""
     r = minus(j.x, i.x)
     length = norm(r)
@@ -39,12 +39,12 @@ def relative_pose(i, j):
     return Relative(r, length, n, c, s, times(inverse, s), a0 + b0, add(a, b), inverse)
 
 
-def material(rel, a):
+def material(rel: Relative, a: Vector) -> Vector:
     """Return R(m) a: the reference vector a carried along by the mean rotation of the two ends."""
     return rotate(rel.turn_scalar, rel.turn_vector, rel.inverse, a)
 
 
-def twist_and_bending(rel):
+def twist_and_bending(rel: Relative) -> tuple[Number, Vector]:
     """Return the relative rotation of the ends about the chord [rad] and the vector across it [rad]."""
     beta, _ = rotation_series(dot(rel.s, rel.s))
     theta = times(beta, rel.s)
@@ -52,7 +52,7 @@ def twist_and_bending(rel):
     return twist, minus(theta, times(twist, rel.n))
 
 
-def rotational_load(rel, k):
+def rotational_load(rel: Relative, k: Stiffness) -> tuple[Vector, Vector]:
     """Return what twist and bending add to dU/dn [N m], and their couple [N m]."""
     beta, slope = rotation_series(dot(rel.s, rel.s))
     theta = times(beta, rel.s)
@@ -62,15 +62,15 @@ def rotational_load(rel, k):
     return times((k.kt - k.kb) * twist, theta), times(rel.c, h)
 
 
-def stretch(rel, ref):
+def stretch(rel: Relative, ref: Reference) -> Stretch:
     """Return the deformation of a bond: u_n = l - L0, u_s = L0 ((e . n) n - e), theta_t, theta_b."""
     e = material(rel, ref.r0)  # L0 e
     twist, bending = twist_and_bending(rel)
     return Stretch(rel.length - norm(ref.r0), minus(times(dot(e, rel.n), rel.n), e), twist, bending)
 
 
-def load(rel, ref, k):
-    """Return the load of a bond, minus the gradient of U with respect to the pose of end i."""
+def load(rel: Relative, ref: Reference, k: Stiffness) -> Load:
+    """Return the load of a bond [N, N m]: minus the gradient of U with respect to the pose of end i."""
     e = material(rel, ref.r0)  # L0 e
     shear = -k.ks * dot(e, rel.n)
     turning, couple = rotational_load(rel, k)
@@ -80,12 +80,12 @@ def load(rel, ref, k):
     return Load(force, add(times(0.5, cross(rel.t, w)), couple))
 
 
-def reference_direction(ref):
+def reference_direction(ref: Reference) -> Vector:
     """Return the unit vector that opening is measured along in the undeformed bond: its chord."""
     return times(1.0 / norm(ref.r0), ref.r0)
 
 
-def viscous_load(rel, i, j, damping):
+def viscous_load(rel: Relative, i: Motion, j: Motion, damping: Viscosity) -> tuple[Load, Number]:
     """Return the load of the dashpots in the bond and the power they take [W].
 
     The relative velocity v_j - v_i - l (w_i + w_j)/2 x n vanishes in every rigid motion of the pair.
@@ -98,8 +98,8 @@ def viscous_load(rel, i, j, damping):
     return Load(force, couple), dot(force, velocity) + dot(couple, spin)
 
 
-def linear_load(i, j, opening, ref, k):
-    """Return the load for infinitesimal displacements i.v, j.v [m] and rotations i.w, j.w [rad] of the ends.
+def linear_load(i: Motion, j: Motion, opening: Vector, ref: Reference, k: Stiffness) -> Load:
+    """Return the load [N, N m] for infinitesimal displacements i.v, j.v [m] and rotations i.w, j.w [rad] of the ends.
 
     opening: the unit vector that opening is measured along.
     """

@@ -7,13 +7,13 @@ Taylor & Brekke (1968), between two spheres. With U = kn d_n^2/2 + ks |d_s|^2/2 
 load is the exact gradient.
 """
 
-from pybondem.ops import add, cross, dot, minus, normal_to, times
+from pybondem.ops import Vector, add, cross, dot, minus, normal_to, times
 from pybondem.physics.frame import material, rotational_load, twist_and_bending
-from pybondem.physics.types import Load, Stretch
+from pybondem.physics.types import Load, Reference, Relative, Stiffness, Stretch
 
 
-def stretch(rel, ref):
-    """Return opening d . N, slip d - (d . N) N, twist and bending."""
+def stretch(rel: Relative, ref: Reference) -> Stretch:
+    """Return the deformation of a joint: opening d . N, slip d - (d . N) N, twist and bending."""
     d = minus(rel.r, material(rel, ref.r0))
     normal = material(rel, ref.normal)
     opening = dot(d, normal)
@@ -21,8 +21,8 @@ def stretch(rel, ref):
     return Stretch(opening, minus(d, times(opening, normal)), twist, bending)
 
 
-def load(rel, ref, k):
-    """Return the load of a joint, minus the gradient of U with respect to the pose of end i."""
+def load(rel: Relative, ref: Reference, k: Stiffness) -> Load:
+    """Return the load of a joint [N, N m]: minus the gradient of U with respect to the pose of end i."""
     d = minus(rel.r, material(rel, ref.r0))
     normal = material(rel, ref.normal)
     opening = dot(d, normal)
@@ -33,6 +33,6 @@ def load(rel, ref, k):
     return Load(force, add(times(0.5, cross(rel.t, w)), couple))
 
 
-def reference_direction(ref):
+def reference_direction(ref: Reference) -> Vector:
     """Return the unit vector that opening is measured along in the undeformed joint: its normal."""
     return ref.normal

@@ -1,16 +1,16 @@
-"""What passes between physics functions: named tuples of numbers. A vector is a tuple of three components."""
+"""What passes between physics functions: named tuples of numbers and vectors."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
-Number = Any  # a float, or an array of floats in the reference engine
-Vector = tuple[Any, Any, Any]
+from pybondem.ops import Number, Quaternion, Vector
 
 
 class Pose(NamedTuple):
     """Where a particle is: position x [m] and orientation q, a unit quaternion (scalar first), body to global."""
 
     x: Vector
-    q: tuple[Any, Any, Any, Any]
+    q: Quaternion
 
 
 class Motion(NamedTuple):
@@ -114,3 +114,9 @@ class Load(NamedTuple):
 
     force: Vector
     couple: Vector
+
+
+# damage_law(deformation, memory, parameters) -> (damage, memory); memory and parameters: named tuples of the law's own
+DamageFunction = Callable[[Deformation, Any, Any], tuple[Number, Any]]
+# drag_law(coefficient, force, velocity, mass, dt) -> force; with torque, spin and inertia for the rotation
+DragFunction = Callable[[Number, Vector, Vector, Number, Number], Vector]

@@ -6,27 +6,28 @@ Potyondy & Cundall, Int. J. Rock Mech. Min. Sci. 41 (2004), eq. 15; the moment s
 FLAC/DEM Symp. (2011).
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from pybondem.ops import where
+from pybondem.ops import Number, where
+from pybondem.physics.types import Deformation
 
 
 class StrengthParameters(NamedTuple):
     """tension [Pa], shear [Pa], moment_share beta [-] in [0, 1]."""
 
-    tension: Any
-    shear: Any
-    moment_share: Any
+    tension: Number
+    shear: Number
+    moment_share: Number
 
 
 class StrengthMemory(NamedTuple):
     """broken: 0 while whole, 1 once the strength has been exceeded."""
 
-    broken: Any
+    broken: Number
 
 
-def strength_damage(d, m, p):
-    """Return damage and memory of a brittle bond."""
+def strength_damage(d: Deformation, m: StrengthMemory, p: StrengthParameters) -> tuple[Number, StrengthMemory]:
+    """Return damage (0 or 1) and memory of a brittle bond."""
     pulled = d.normal_stress + p.moment_share * d.bending_stress > p.tension
     sheared = d.shear_stress + p.moment_share * d.twist_stress > p.shear
     broken = where(pulled, 1.0, where(sheared, 1.0, m.broken))

@@ -5,11 +5,12 @@ kb = E I/L with phi = 12 E I / (G A k L^2). Euler-Bernoulli (Andre et al., Compu
 the same with phi = 0.
 """
 
+from pybondem.ops import Number
 from pybondem.physics.elastic.section import area, polar_moment, second_moment
 from pybondem.physics.types import Stiffness
 
 
-def beam_stiffness(E, G, phi, radius, length):
+def beam_stiffness(E: Number, G: Number, phi: Number, radius: Number, length: Number) -> Stiffness:
     """Return the stiffness of a beam of moduli E, G [Pa], shear parameter phi [-], radius and length [m]."""
     EI = E * second_moment(radius)
     return Stiffness(
@@ -20,12 +21,12 @@ def beam_stiffness(E, G, phi, radius, length):
     )
 
 
-def timoshenko_stiffness(E, G, shear_factor, radius, length):
-    """Return the stiffness of a Timoshenko beam with shear correction factor k."""
+def timoshenko_stiffness(E: Number, G: Number, shear_factor: Number, radius: Number, length: Number) -> Stiffness:
+    """Return the stiffness of a Timoshenko beam: E, G [Pa], shear correction factor k [-], radius and length [m]."""
     phi = 12.0 * E * second_moment(radius) / (G * area(radius) * shear_factor * length * length)
     return beam_stiffness(E, G, phi, radius, length)
 
 
-def euler_bernoulli_stiffness(E, G, radius, length):
-    """Return the stiffness of an Euler-Bernoulli beam."""
+def euler_bernoulli_stiffness(E: Number, G: Number, radius: Number, length: Number) -> Stiffness:
+    """Return the stiffness of an Euler-Bernoulli beam: E, G [Pa], radius and length [m]."""
     return beam_stiffness(E, G, 0.0, radius, length)

@@ -4,11 +4,12 @@ Potyondy & Cundall, Int. J. Rock Mech. Min. Sci. 41 (2004), section 2.2, with sp
 kbar_s = kbar_n / ratio:  kn = kbar_n A, ks = kbar_s A, kt = kbar_s J, kb = kbar_n I.
 """
 
+from pybondem.ops import Number
 from pybondem.physics.elastic.section import area, polar_moment, second_moment
 from pybondem.physics.types import Stiffness
 
 
-def parallel_stiffness(E, ratio, radius, length):
+def parallel_stiffness(E: Number, ratio: Number, radius: Number, length: Number) -> Stiffness:
     """Return the stiffness of a parallel bond: modulus E [Pa], normal-to-shear ratio, radius and length [m]."""
     normal, shear = E / length, E / length / ratio
     return Stiffness(
