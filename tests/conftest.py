@@ -173,7 +173,7 @@ def relax() -> Callable[..., Any]:
     """relax(sim, held, load, held_turns): run until what is unbalanced is below 1e-8 of the load, and return particles.
 
     held, held_turns: particles whose displacements, rotations are held (by default the same); load [N], by default the
-    largest force on any particle. A moment counts as a force at the distance of two neighbours. Fails where 20 000
+    largest force on any particle. A moment counts as a force at the distance of two neighbours. Fails where 10 000
     steps do not do it.
     """
     arm = DP0.length
@@ -188,7 +188,7 @@ def relax() -> Callable[..., Any]:
         free, free_turns = (np.ones(len(sim.model), bool) for _ in range(2))
         free[list(held)] = False
         free_turns[list(held if held_turns is None else held_turns)] = False
-        for _ in range(20_000 // chunk):
+        for _ in range(10_000 // chunk):
             sim.run(steps=chunk, quiet=True)
             p = sim.particles
             largest = load or max(np.abs(p.force).max(), np.abs(p.torque).max() / arm)

@@ -169,7 +169,7 @@ def _values(bonds: BondSet, model: Model) -> dict[str, Any]:
 # Programs -------------------------------------------------------------------------------------------------------
 
 
-def step_program(done: Assembly, gravity: tuple[float, ...], drag: Drag | None) -> Program:
+def step_program(done: Assembly, gravity: tuple[float, float, float], drag: Drag | None) -> Program:
     """Return the program of one time step; gravity (3,) [m/s2]."""
     particles = done.particles
     particles["gravity"] = gravity

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pybondem.check import finite_array, fraction, nonnegative, positive
+from pybondem.check import finite_array, fraction, nonnegative, positive, positive_array
 from pybondem.errors import InputError
 from pybondem.physics.damage.bilinear import BilinearMemory, BilinearParameters, bilinear_damage
 from pybondem.physics.damage.strength import StrengthMemory, StrengthParameters, strength_damage
@@ -163,13 +163,7 @@ def _shear_modulus(form: str, E: float, nu: float) -> float:
 
 
 def _positive(name: str, value: ArrayLike, unit: str) -> Value:
-    if np.ndim(value) == 0:
-        return positive(name, value, unit)
-    array = finite_array(name, value, (None,))
-    if np.any(array <= 0.0):
-        k = int(np.argmax(array <= 0.0))
-        raise InputError(f"{name}[{k}] is {array[k]:g} {unit}; it must be positive.")
-    return array
+    return positive(name, value, unit) if np.ndim(value) == 0 else positive_array(name, value, (None,), unit)
 
 
 def _stiffness(name: str, value: ArrayLike) -> Value:

@@ -13,6 +13,7 @@ from pybondem.errors import SelectionError
 from pybondem.schedules import Hold, Schedule, average
 from pybondem.state import Arrays
 
+Kind = Literal["fix", "drive", "push"]
 COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
 ZERO = Hold(0.0)
 
@@ -21,7 +22,7 @@ ZERO = Hold(0.0)
 class Condition:
     """One call of fix, drive or push: particles, and a schedule for each component (0-2 along, 3-5 about x, y, z)."""
 
-    kind: Literal["fix", "drive", "push"]
+    kind: Kind
     indices: NDArray[np.int64]
     schedules: dict[int, Schedule]
 
@@ -47,7 +48,7 @@ class Boundaries:
         self.conditions.append(new)
 
     def groups(self, n: int) -> tuple[NDArray[np.uint32], list[list[Condition]]]:
-        """Return the group of each of n particles, and the conditions of each group."""
+        """Return the group of each of n particles (n,), and the conditions of each group."""
         member = np.zeros((n, len(self.conditions)), bool)
         for k, condition in enumerate(self.conditions):
             member[condition.indices, k] = True
@@ -59,7 +60,7 @@ class Boundaries:
 
 
 class GroupTables:
-    """The tables of the groups: what is held, and the schedules of each."""
+    """The tables of the groups: the schedules of each, and hold, turn_hold (3, groups), 1 where a component is held."""
 
     def __init__(self, groups: list[list[Condition]]) -> None:
         self._groups = groups
@@ -71,8 +72,8 @@ class GroupTables:
         self.hold, self.turn_hold = held[:3].copy(), held[3:].copy()
 
     def schedule(self, start: int, steps: int, dt: float) -> Arrays:
-        """Return the scheduled fields for `steps` steps from step number `start`: (steps + 1, 3, groups) each."""
-        times = dt * np.arange(start, start + steps + 2)
+        """Return the scheduled fields for `steps` steps of dt [s] from step `start` on: (steps + 1, 3, groups) each."""
+        times = dt * np.arange(start, start + steps + 2, dtype=np.float64)
         moving, pushing = (np.zeros((steps + 1, 6, len(self._groups))) for _ in range(2))
         for g, conditions in enumerate(self._groups):
             for condition in conditions:

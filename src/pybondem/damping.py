@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from pybondem.assembly import Drag
-from pybondem.check import fraction, nonnegative
+from pybondem.check import fraction, nonnegative, whole_number
 from pybondem.physics.motion import global_drag, local_drag
 
 
@@ -28,5 +28,8 @@ def viscous(rate: float) -> Drag:
 
 
 def kinetic(every: int = 10) -> Kinetic:
-    """Return kinetic damping (dynamic relaxation; Cundall 1976): velocities zeroed at each peak of kinetic energy."""
-    return Kinetic(every)
+    """Return kinetic damping (dynamic relaxation; Cundall 1976): velocities zeroed at each peak of kinetic energy.
+
+    every: steps between two looks, from 1 up; raises InputError otherwise.
+    """
+    return Kinetic(whole_number("every of kinetic damping", every))

@@ -1,11 +1,30 @@
 """The energy book of a run."""
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from pybondem.simulation import Simulation
+from pybondem.assembly import Assembly
+from pybondem.model import Model
+
+Floats = NDArray[np.float64]
+
+
+class Running(Protocol):
+    """What the energy book reads of a running simulation.
+
+    start_positions: (3, n) [m], in the order of the arrays of state; gravity (3,) [m/s2]; dt [s].
+    """
+
+    model: Model
+    state: Assembly
+    start_positions: Floats
+    gravity: tuple[float, float, float]
+    dt: float
+
+    def bond_energy(self) -> Floats:
+        """Return the elastic energy of every bond (bonds,) [J]."""
 
 
 class Energies(NamedTuple):
@@ -29,7 +48,7 @@ class Energies(NamedTuple):
     residual: float
 
 
-def energies(sim: "Simulation", kinetic_taken: float) -> Energies:
+def energies(sim: Running, kinetic_taken: float) -> Energies:
     """Return the energy book now, its residual not yet referred to the start.
 
     kinetic_taken: energy taken by kinetic damping so far [J].
@@ -49,7 +68,7 @@ def energies(sim: "Simulation", kinetic_taken: float) -> Energies:
     return Energies(**values, residual=sum(values.values()) - 2.0 * values["work"])
 
 
-def leapfrog_kinetic(sim: "Simulation") -> float:
+def leapfrog_kinetic(sim: Running) -> float:
     """Return the kinetic energy of free components, m v- . v+ / 2 [J]."""
     p, tables = sim.state.particles, sim.state.tables
     total = 0.0

@@ -14,7 +14,8 @@ Floats = NDArray[np.float64]
 
 
 class Interface(NamedTuple):
-    """Pairs (m, 2) across an interface, unit normals (m, 3) from the first to the second, areas (m,) [m2], heights along the axis (m,) [m]."""
+    """Pairs (m, 2) across an interface, the unit normals (m, 3) from the first to the second particle of each pair, and
+    the areas (m,) [m2] that they stand for, as Model.join takes them; and heights along the axis (m,) [m]."""
 
     pairs: Ints
     normal: Floats
@@ -51,7 +52,10 @@ def cylindrical(model: Model, inner: str, outer: str, *, radius: float, length: 
 
 
 def stretches(height: Floats, length: float) -> Floats:
-    """Return the part of [0, length] that is nearest to each height, shared by equal heights; they sum to length."""
+    """Return the part (m,) [m] of [0, length] that is nearest to each height (m,) [m]; equal heights share it.
+
+    The parts sum to length.
+    """
     rounded = np.round(height / length, 6) * length
     at, level, count = np.unique(np.clip(rounded, 0.0, length), return_inverse=True, return_counts=True)
     edges = np.concatenate([[0.0], 0.5 * (at[1:] + at[:-1]), [length]])

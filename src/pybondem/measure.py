@@ -5,20 +5,51 @@ A `Measure` has columns with units and is evaluated on a simulation; `Simulation
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pybondem.check import choice, positive
 from pybondem.energies import Energies
 from pybondem.errors import InputError, SelectionError
-from pybondem.model import BondSet, Selection
+from pybondem.model import BondSet, Model, Selection
 
-if TYPE_CHECKING:
-    from pybondem.simulation import Simulation
+Floats = NDArray[np.float64]
 
-AXES = ("x", "y", "z")
-Evaluate = Callable[["Simulation"], tuple[float, ...]]
+
+class Running(Protocol):
+    """What the measures here read of a running simulation."""
+
+    model: Model
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+
+    @property
+    def broken(self) -> int:
+        """Number of broken bonds."""
+
+    @property
+    def unbalanced(self) -> float:
+        """Mean force on free components over the mean force in the bonds [-]."""
+
+    @property
+    def energies(self) -> Energies:
+        """The energy book [J]."""
+
+    def total(self, name: str, where: Selection) -> Floats:
+        """Return the sum of a particle field over a selection (3,)."""
+
+    def mean_displacement(self, where: Selection) -> Floats:
+        """Return the mean displacement of a selection since the start (3,) [m]."""
+
+    def interface(self, joints: BondSet) -> tuple[Floats, Floats]:
+        """Return slip (m,) [m] and shear stress (m,) [Pa] of a set of joints."""
+
+
+Evaluate = Callable[[Running], tuple[float, ...]]
 
 
 @dataclass(frozen=True)
@@ -30,7 +61,7 @@ class Measure:
 
 
 def _axis(axis: str) -> int:
-    return AXES.index(choice("axis", axis, AXES))
+    return "xyz".index(choice("axis", axis, "xyz"))
 
 
 def _some(name: str, where: Selection) -> Selection:
@@ -64,9 +95,10 @@ def displacement(where: Selection, axis: str) -> Measure:
 def strain(first: Selection, second: Selection, axis: str) -> Measure:
     """Return the engineering strain [-] between two selections: growth of the distance of their means over itself."""
     c = _axis(axis)
-    _some("strain", first), _some("strain", second)
+    for where in (first, second):
+        _some("strain", where)
 
-    def evaluate(sim: "Simulation") -> tuple[float]:
+    def evaluate(sim: Running) -> tuple[float]:
         apart = sim.model.x[second.indices, c].mean() - sim.model.x[first.indices, c].mean()
         return (float((sim.mean_displacement(second)[c] - sim.mean_displacement(first)[c]) / apart),)
 
@@ -97,7 +129,7 @@ def energy() -> Measure:
 def slip(joints: BondSet) -> Measure:
     """Return the mean slip [m] and the mean shear stress [Pa] of a set of joints."""
 
-    def evaluate(sim: "Simulation") -> tuple[float, float]:
+    def evaluate(sim: Running) -> tuple[float, float]:
         s, tau = sim.interface(joints)
         return float(np.average(s, weights=joints.area)), float(np.average(tau, weights=joints.area))
 
@@ -116,7 +148,7 @@ class Column:
         self._values.append(value)
 
     @property
-    def values(self) -> Any:
+    def values(self) -> Floats:
         """All values, (rows,)."""
         return np.array(self._values)
 
@@ -139,6 +171,8 @@ class Column:
 class Record:
     """A table that grows while a simulation runs: `time`, then a column for each measure, also as attributes."""
 
+    time: Column
+
     def __init__(self, name: str, every: int, measures: dict[str, Measure]) -> None:
         self.name, self.every, self.measures = name, every, measures
         self.columns: dict[str, Column] = {"time": Column("s")}
@@ -156,7 +190,7 @@ class Record:
     def __getitem__(self, name: str) -> Column:
         return self.columns[name]
 
-    def take(self, sim: "Simulation") -> list[float]:
+    def take(self, sim: Running) -> list[float]:
         """Measure now, append the row and return it."""
         row = [sim.time, *(value for m in self.measures.values() for value in m.evaluate(sim))]
         for column, value in zip(self.columns.values(), row, strict=True):

@@ -1,6 +1,5 @@
 """The model: what is there. Particles in named parts, bonds between them, and boundary conditions."""
 
-import difflib
 import warnings
 from collections.abc import Iterable
 from typing import Any, NamedTuple
@@ -9,15 +8,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pybondem.bonds import Bond, Joint
-from pybondem.boundaries import COMPONENTS, ZERO, Boundaries, Condition
-from pybondem.check import finite_array, positive
+from pybondem.boundaries import COMPONENTS, ZERO, Boundaries, Condition, Kind
+from pybondem.check import choice, finite_array, nearest, nonnegative, positive, positive_array
 from pybondem.errors import InputError, SelectionError
 from pybondem.neighbours import pairs_within
-from pybondem.packing import Particles
-from pybondem.schedules import Schedule, as_schedule
+from pybondem.packing import Particles, Shape
+from pybondem.schedules import Prescribed, Schedule, as_schedule
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
+Limits = tuple[float | None, float | None]  # low and high, None for no limit
 
 
 class Selection:
@@ -81,8 +81,7 @@ class Model:
     def add(self, particles: Particles, name: str, density: float) -> Selection:
         """Add a part: its particles, a new name, density [kg/m3]; returns its particles.
 
-        Parts come before bonds: raises InputError for a name that is taken, a density that is not positive, or a
-        particle at the very place of another.
+        Raises InputError for a name that is taken or a density that is not positive.
         """
         if not isinstance(particles, Particles):
             raise InputError(f"part {name!r} needs Particles (see pybondem.packing), got {type(particles).__name__}.")
@@ -109,13 +108,17 @@ class Model:
 
     def part(self, name: str) -> Selection:
         """Return the particles of a part; raises SelectionError with the nearest names where there is none."""
-        if name not in self.parts:
-            near = difflib.get_close_matches(str(name), self.parts, n=1)
-            hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(map(repr, self.parts)) or 'no parts'}."
-            raise SelectionError(f"no part is named {name!r}; {hint}")
-        return Selection(np.flatnonzero(self.part_of == self.parts.index(name)), name)
+        return Selection(np.flatnonzero(self._is_of(name)), name)
 
-    def where(self, x: Any = None, y: Any = None, z: Any = None, part: str | None = None, inside: Any = None) -> Selection:
+    def _is_of(self, part: str) -> NDArray[np.bool_]:
+        """Return whether each particle is of a part (n,)."""
+        if part not in self.parts:
+            there_are = ", ".join(map(repr, self.parts)) or "none"
+            raise SelectionError(f"no part is named {part!r}{nearest(part, self.parts)}; the parts are: {there_are}.")
+        return self.part_of == self.parts.index(part)
+
+    def where(self, x: Limits | None = None, y: Limits | None = None, z: Limits | None = None,
+              part: str | None = None, inside: Shape | None = None) -> Selection:  # fmt: skip
         """Return the particles whose centres lie within all the given ranges.
 
         x, y, z: (low, high) [m], None for no limit, ends included; part: name; inside: a shape. Raises SelectionError
@@ -130,7 +133,7 @@ class Model:
             mask &= (self.x[:, axis] >= low) & (self.x[:, axis] <= high)
             said.append(f"{'xyz'[axis]} in ({low:g}, {high:g}) m")
         if part is not None:
-            mask[np.setdiff1d(np.arange(len(self)), self.part(part).indices)] = False
+            mask &= self._is_of(part)
             said.append(f"part {part!r}")
         if inside is not None:
             mask &= inside.contains(self.x)
@@ -142,7 +145,10 @@ class Model:
         return Selection(np.flatnonzero(mask), name)
 
     def select(self, particles: ArrayLike) -> Selection:
-        """Return the particles with the given indices, or where the given mask (n,) is true."""
+        """Return the particles with the given indices, or where the given mask (n,) is true.
+
+        Raises InputError for another shape or an index out of range, SelectionError where nothing is selected.
+        """
         array = np.asarray(particles)
         indices = np.flatnonzero(array) if array.dtype == bool else _indices("selection", array, len(self))
         if array.dtype == bool and array.shape != (len(self),):
@@ -159,19 +165,17 @@ class Model:
     def touching(self, gap: float = 0.05, part: str | None = None, between: tuple[str, str] | None = None) -> Ints:
         """Return the pairs (m, 2) of neighbours whose surfaces are at most gap * (Ri + Rj) apart.
 
-        part: only within this part; between: only across these two parts, the first of each pair in the first. Raises InputError for a gap below zero or
-        two particles at the same place, SelectionError for an unknown part.
+        part: only within this part; between: only across these two parts, the first of each pair in the first.
+        Raises InputError for a gap below zero or both a part and two, SelectionError for an unknown part.
         """
-        if not np.isfinite(gap) or gap < 0.0:
-            raise InputError(f"gap of touching is {gap}; it must be a number from 0 up (a fraction of Ri + Rj).")
-        pairs = pairs_within(self.x, self.radius, float(gap))
-        a, b = self.part_of[pairs[:, 0]], self.part_of[pairs[:, 1]]
+        pairs = pairs_within(self.x, self.radius, nonnegative("gap of touching", gap))
+        if part is not None and between is not None:
+            raise InputError("touching was given part and between; give one of them.")
         if part is not None:
-            self.part(part)
-            pairs = pairs[(a == self.parts.index(part)) & (b == self.parts.index(part))]
+            return pairs[self._is_of(part)[pairs].all(axis=1)]
         if between is not None:
-            first, second = (self.parts.index(p) for p in between if self.part(p) is not None)
-            forth, back = (a == first) & (b == second), (a == second) & (b == first)
+            first, second = (self._is_of(name)[pairs] for name in between)
+            forth, back = first[:, 0] & second[:, 1], first[:, 1] & second[:, 0]
             pairs = np.where(back[:, None], pairs[:, ::-1], pairs)[forth | back]
         return pairs
 
@@ -199,10 +203,8 @@ class Model:
         size = np.linalg.norm(N, axis=1)
         if np.any(size == 0.0):
             raise InputError(f"normal[{int(np.argmin(size))}] of join is zero; it must have a direction.")
-        A = finite_array("area of join", np.broadcast_to(np.asarray(area), (m,)) if np.ndim(area) == 0 else area, (m,))
-        if np.any(A <= 0.0):
-            k = int(np.argmax(A <= 0.0))
-            raise InputError(f"area[{k}] of join is {A[k]:g} m2; it must be positive.")
+        each = np.full(m, positive("area of join", area, "m2")) if np.ndim(area) == 0 else area
+        A = positive_array("area of join", each, (m,), "m2")
         return self._add(BondSet(checked, joint, N / size[:, None], A))
 
     def _pairs(self, pairs: ArrayLike) -> Ints:
@@ -236,9 +238,8 @@ class Model:
         ratio = distance / touching
         if ratio.max() > 1.5 or ratio.min() < 0.5:
             k = int(np.argmax(np.abs(np.log(ratio))))
-            warnings.warn(
-                f"bond {k} is {ratio[k]:.3g} times as long as Ri + Rj of particles {new.pairs[k].tolist()}.", stacklevel=3
-            )
+            said = f"bond {k} is {ratio[k]:.3g} times as long as Ri + Rj of particles {new.pairs[k].tolist()}."
+            warnings.warn(said, stacklevel=3)
         self._bonded = everything
         self.bonds.append(new)
         return new
@@ -246,24 +247,28 @@ class Model:
     # Boundary conditions ----------------------------------------------------------------------------------------
 
     def fix(self, where: Selection, components: str | Iterable[str] = "x y z rx ry rz") -> None:
-        """Hold components of the selected particles: displacements x, y, z and rotations rx, ry, rz ("x y z")."""
-        names = components.split() if isinstance(components, str) else list(components)
-        for name in names:
-            if name not in COMPONENTS:
-                raise InputError(f"fix knows no component {name!r}; choose among {', '.join(COMPONENTS)}.")
-        self._condition("fix", where, {name: ZERO for name in names})
+        """Hold components of the selected particles: displacements x, y, z and rotations rx, ry, rz ("x y z").
 
-    def drive(self, where: Selection, *, vx: Any = None, vy: Any = None, vz: Any = None,
-              wx: Any = None, wy: Any = None, wz: Any = None) -> None:  # fmt: skip
+        Raises InputError for an unknown component, SelectionError where one is prescribed already (so do drive, push).
+        """
+        names = components.split() if isinstance(components, str) else list(components)
+        self._condition("fix", where, {choice("component of fix", name, COMPONENTS): ZERO for name in names})
+
+    def drive(self, where: Selection, *,
+              vx: Prescribed | None = None, vy: Prescribed | None = None, vz: Prescribed | None = None,
+              wx: Prescribed | None = None, wy: Prescribed | None = None,
+              wz: Prescribed | None = None) -> None:  # fmt: skip
         """Prescribe velocities [m/s] and spins [rad/s] of the selected particles: numbers or schedules."""
         self._condition("drive", where, _given("drive", (vx, vy, vz, wx, wy, wz), ("vx", "vy", "vz", "wx", "wy", "wz")))
 
-    def push(self, where: Selection, *, fx: Any = None, fy: Any = None, fz: Any = None,
-             tx: Any = None, ty: Any = None, tz: Any = None) -> None:  # fmt: skip
+    def push(self, where: Selection, *,
+             fx: Prescribed | None = None, fy: Prescribed | None = None, fz: Prescribed | None = None,
+             tx: Prescribed | None = None, ty: Prescribed | None = None,
+             tz: Prescribed | None = None) -> None:  # fmt: skip
         """Put a force [N] and torque [N m] on each of the selected particles: numbers or schedules."""
         self._condition("push", where, _given("push", (fx, fy, fz, tx, ty, tz), ("fx", "fy", "fz", "tx", "ty", "tz")))
 
-    def _condition(self, kind: Any, where: Selection, schedules: dict[str, Schedule]) -> None:
+    def _condition(self, kind: Kind, where: Selection, schedules: dict[str, Schedule]) -> None:
         if not isinstance(where, Selection):
             raise InputError(f"{kind} needs a Selection (Model.where, part or select), got {type(where).__name__}.")
         if len(where) == 0:
@@ -274,7 +279,7 @@ class Model:
         self.boundaries.add(Condition(kind, where.indices, by_index))
 
 
-def _given(kind: str, values: tuple[Any, ...], names: tuple[str, ...]) -> dict[str, Schedule]:
+def _given(kind: Kind, values: tuple[Prescribed | None, ...], names: tuple[str, ...]) -> dict[str, Schedule]:
     """Return the schedules of the components that were given."""
     return {
         component: as_schedule(f"{name} of {kind}", value)
@@ -304,6 +309,3 @@ def _indices(name: str, array: NDArray[Any], n: int) -> Ints:
         k = np.argwhere(bad)[0]
         raise InputError(f"{name} {k[0]} names particle {array[tuple(k)]}; indices run from 0 to {n - 1}.")
     return array.astype(np.int64)
-
-
-__all__ = ["BondSet", "Model", "Selection"]

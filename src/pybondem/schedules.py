@@ -4,7 +4,6 @@ A schedule is a function of time with its exact integral, so that a driven parti
 to round-off, whatever the time step.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -25,6 +24,9 @@ class Schedule(Protocol):
 
     def integral(self, t: Floats) -> Floats:
         """Return the integral of the value from 0 to the times t."""
+
+
+Prescribed = float | Schedule
 
 
 @dataclass(frozen=True)
@@ -124,6 +126,3 @@ def as_schedule(name: str, value: object) -> Schedule:
 def average(schedule: Schedule, times: Floats) -> Floats:
     """Return the mean over each interval between the given times: the velocity that keeps a drive on its path."""
     return np.diff(schedule.integral(times)) / np.diff(times)
-
-
-__all__: Sequence[str] = ["Hold", "Schedule", "Smooth", "Table", "as_schedule", "average", "hold", "ramp", "smooth", "table"]

@@ -1,5 +1,6 @@
 """The critical time step from the model's own stiffness."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -77,7 +78,7 @@ def slowest_dashpot(done: Assembly) -> float:
     return max(ratios)
 
 
-def largest_eigenvalue(operator, free: Floats) -> tuple[float, Floats]:
+def largest_eigenvalue(operator: Callable[[Floats], Floats], free: Floats) -> tuple[float, Floats]:
     """Return the largest eigenvalue of a symmetric operator, at the upper end of its bound, and a vector near its mode.
 
     operator(u) -> K u on arrays of the shape of `free`, which is 1 for components that take part. Lanczos iteration

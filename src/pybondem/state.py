@@ -1,14 +1,15 @@
 """THE TABLE: every field of a running model once. Allocation, docs, files and engines read it from here.
 
-Arrays are component-first, (components, n), or (n,) for one component; double precision unless said.
+Arrays are component-first, (components, n), or (n,) for one component; double precision unless said. A field that is
+the same for all items and does not change may stand as one number.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-Arrays = dict[str, NDArray]
+Arrays = dict[str, NDArray[Any]]
 
 
 class Field(NamedTuple):
@@ -39,11 +40,20 @@ PARTICLE_FIELDS = (
     Field("dragged", 1, np.float64, "J", "energy taken by local or global damping"),
 )
 
+# A damage law adds its own: p_NAME for each of its parameters, m_NAME for each word of its memory.
 BOND_FIELDS = (
     Field("i", 1, np.uint32, "-", "first end"),
     Field("j", 1, np.uint32, "-", "second end"),
     Field("r0", 3, np.float64, "m", "chord from i to j when the bond was made"),
     Field("normal", 3, np.float64, "-", "unit normal of the interface (joints)"),
+    Field("kn", 1, np.float64, "N/m", "normal stiffness"),
+    Field("ks", 1, np.float64, "N/m", "shear stiffness"),
+    Field("kt", 1, np.float64, "N m/rad", "twist stiffness"),
+    Field("kb", 1, np.float64, "N m/rad", "bending stiffness"),
+    Field("cn", 1, np.float64, "N s/m", "normal dashpot"),
+    Field("cs", 1, np.float64, "N s/m", "shear dashpot"),
+    Field("ct", 1, np.float64, "N m s/rad", "twist dashpot"),
+    Field("cb", 1, np.float64, "N m s/rad", "bending dashpot"),
     Field("area", 1, np.float64, "m2", "cross-section"),
     Field("modulus", 1, np.float64, "m3", "bending modulus I/Rb of the cross-section"),
     Field("power", 1, np.float64, "W", "power that the dashpots of the bond take"),
@@ -73,6 +83,4 @@ SCHEDULED_FIELDS = (
 
 def allocate(fields: tuple[Field, ...], names: set[str], n: int) -> Arrays:
     """Return zeroed arrays for the named fields of n items."""
-    return {
-        f.name: np.zeros(n if f.components == 1 else (f.components, n), f.dtype) for f in fields if f.name in names
-    }
+    return {f.name: np.zeros(n if f.components == 1 else (f.components, n), f.dtype) for f in fields if f.name in names}

@@ -1,5 +1,6 @@
 """Linear statics of a model: the answer that an infinitely slow run would give before anything breaks."""
 
+import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -8,6 +9,7 @@ from scipy.sparse.linalg import LinearOperator, cg
 
 from pybondem.assembly import Assembly, assemble
 from pybondem.boundaries import Boundaries
+from pybondem.check import choice
 from pybondem.engines.base import Engine
 from pybondem.errors import InputError
 from pybondem.model import Model, Selection
@@ -15,7 +17,6 @@ from pybondem.neighbours import pieces
 from pybondem.stability import Stiffness
 
 Floats = NDArray[np.float64]
-AXES = ("x", "y", "z")
 
 
 class Equilibrium(NamedTuple):
@@ -26,7 +27,7 @@ class Equilibrium(NamedTuple):
     force: Floats
 
 
-def solve(model: Model, prescribed: NDArray[np.float64], engine: Engine, tolerance: float = 1e-10) -> Equilibrium:
+def solve(model: Model, prescribed: Floats, engine: Engine, tolerance: float = 1e-10) -> Equilibrium:
     """Return the linear equilibrium of a model under its boundary conditions.
 
     prescribed (n, 6): displacements [m] and rotations [rad] of held components, model order; pushes are not applied.
@@ -73,21 +74,15 @@ def check_supported(done: Assembly, stiffness: Stiffness) -> None:
 def axial_stiffness(model: Model, low: Selection, high: Selection, axis: str, engine: Engine) -> float:
     """Return EA [N] of a bar: its ends moved apart along x, y or z, free to move sideways and to turn.
 
-    low, high: the particles of the two ends; the length is the distance between their means. One static solve.
+    low, high: the particles of the two ends; the length is the distance between their means. One static solve; the
+    model's own boundary conditions are left out. Raises InputError as `solve` does.
     """
-    c = AXES.index(axis)
-    bar = _copy_without_boundaries(model)
+    c = "xyz".index(choice("axis", axis, "xyz"))
+    bar = copy.copy(model)
+    bar.boundaries = Boundaries()
     bar.fix(low, axis)
     bar.fix(high, axis)
     apart = float(model.x[high.indices, c].mean() - model.x[low.indices, c].mean())
     prescribed = np.zeros((len(model), 6))
     prescribed[high.indices, c] = apart  # unit strain: the force is EA
     return float(solve(bar, prescribed, engine).force[high.indices, c].sum())
-
-
-def _copy_without_boundaries(model: Model) -> Model:
-    copy = Model()
-    vars(copy).update(vars(model))
-    copy.boundaries = Boundaries()
-    return copy
-

@@ -107,7 +107,10 @@ def test_d12_pulled_bar(engine: str, chain: Make, relax: Make) -> None:
     model.push(model.select([10]), **vector("f", 100.0 * n))
     rate = 2.0 * fixed_free_frequency(DP0.kn, DP0.mass, 10)
     sim = bd.Simulation(model, engine=engine, safety=0.9, damping=bd.viscous(rate))
+    root, tip = model.select([0]), model.select([10])
+    seen = sim.record(every=50, force=bd.reaction(root, "y"), moved=bd.displacement(tip, "y"))
     p = relax(sim, [0])
+    assert (seen.force.last, seen.moved.last) == pytest.approx((100.0 * n[1], 1000.0 / DP0.kn * n[1]), rel=1e-6)
     stretched = np.arange(11) * 100.0 / DP0.kn
     np.testing.assert_allclose(p.x - model.x, np.outer(stretched, n), rtol=0, atol=1e-6 * stretched[-1])
     np.testing.assert_allclose(p.force[0], 100.0 * n, rtol=0, atol=1e-4)

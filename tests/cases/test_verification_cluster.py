@@ -66,15 +66,19 @@ def put(sim: bd.Simulation, **fields: Floats) -> None:
 
 
 def test_d06_rigid_rotation_gives_nothing(engine: str, cluster: Make) -> None:
-    """Two turns about (1, 2, 3) in steps of 24 degrees, and a shift at each: no energy, no force, no moment."""
+    """Two turns about (1, 2, 3) in steps of 24 degrees, and a shift at each: no energy, no force, no moment.
+
+    Every other sphere is given minus the quaternion, which is the same orientation.
+    """
     model, bonds = cluster()
     assert (len(model), len(bonds.pairs)) == (13, 36)
     sim = bd.Simulation(model, engine=engine)
     axis, _, _ = frame((1.0, 2.0, 3.0))
+    signs = (-1.0) ** np.arange(13)[:, None]
     for step in range(1, 31):
         turn = 2.0 * np.pi * step / 15 * axis
         shift = 1e-2 * step * np.array([1.0, -0.5, 0.3])
-        put(sim, x=model.x @ rotation_matrix(turn).T + shift, q=np.tile(quaternion(turn), (13, 1)))
+        put(sim, x=model.x @ rotation_matrix(turn).T + shift, q=signs * quaternion(turn))
         p = sim.particles
         assert np.abs(p.force).max() <= 1e-12 * DP0.kn * DP0.length
         assert np.abs(p.torque).max() <= 1e-12 * DP0.kn * DP0.length**2

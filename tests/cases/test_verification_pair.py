@@ -139,6 +139,20 @@ def test_d03_twist_period(engine: str, pair: Make, watch: Make) -> None:
     np.testing.assert_allclose(spin.sum(axis=1), 0.0, atol=1e-12)
 
 
+@pytest.mark.parametrize("angle", [0.01, 0.5, -0.5])
+def test_d03_d04_moments_of_large_turns(engine: str, pair: Make, angle: float) -> None:
+    """What the periods are for small turns holds for the turn itself: moment = stiffness times true angle."""
+    n, t, _ = frame((0.3, -1.0, 0.6))
+    sim = bd.Simulation(pair(n)[0], engine=engine)
+    for axis, stiffness in ((n, DP0.kt), (t, DP0.kb)):
+        with sim.edit("q") as q:
+            q[:] = [quaternion(-0.5 * angle * axis), quaternion(0.5 * angle * axis)]
+        moment = stiffness * angle
+        np.testing.assert_allclose(sim.particles.torque, moment * np.array([axis, -axis]), atol=1e-9 * abs(moment))
+        np.testing.assert_allclose(sim.particles.force, 0.0, atol=1e-9 * abs(moment) / DP0.length)
+        assert sim.energies.strain == pytest.approx(0.5 * stiffness * angle**2, rel=1e-9)
+
+
 def test_d04_bending_period(engine: str, pair: Make, watch: Make) -> None:
     n, t, _ = frame((0.5, 0.4, -1.0))
     model, _ = pair(n)

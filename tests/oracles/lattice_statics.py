@@ -122,8 +122,7 @@ class Lattice:
         u[at] = arcs[at] * np.array(list(held.values()))
         load, inner = -(K @ u)[free], csc_array(K[free][:, free])
         weak = 1e-9 * K.diagonal().max() * eye_array(len(free), format="csc")
-        factors = splu(csc_array(inner + weak), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
-                       options={"SymmetricMode": True})  # fmt: skip
+        factors = splu(csc_array(inner + weak))
         for _ in range(20):
             left = load - inner @ u[free]
             if np.linalg.norm(left) <= 1e-12 * np.linalg.norm(load):

@@ -25,6 +25,9 @@ IN_EQUILIBRIUM = 1e-3
 _STYLES = {"good": "green", "fair": "yellow", "bad": "bold red"}
 
 
+STEPS = "time steps"  # the share of wall time that speed is taken from
+
+
 class Verdict(NamedTuple):
     """A judgement in words: ``grade`` is ``"good"``, ``"fair"`` or ``"bad"``."""
 
@@ -90,7 +93,7 @@ def closing_block(
     steps, particles : of the run.
     outcome : word after the title, such as ``"done"`` or ``"stopped by hand"``.
     time : simulated time, s.
-    shares : wall time by stage, s, such as ``{"bonds": 3.1, "output": 0.2}``.
+    shares : wall time by stage, s, such as ``{"time steps": 3.1, "output": 0.2}``; the speed is that of "time steps".
     energy_error, kinetic_ratio, unbalanced : checks to judge, see :func:`verdicts`.
     broken, total_bonds : numbers of bonds.
     facts : further lines by label, such as ``{"peak load": "16.3 MN at 1.88 mm"}``.
@@ -140,7 +143,8 @@ def _about_energy(error: float) -> Verdict:
 def _cost_rows(
     wall: float, steps: int, particles: int, time: float | None, shares: Mapping[str, float]
 ) -> list[tuple[str, str]]:
-    speed = steps * particles / wall if wall > 0.0 else float("nan")
+    stepping = shares.get(STEPS, wall)
+    speed = steps * particles / stepping if stepping > 0.0 else float("nan")
     rows = [
         ("wall time", duration(wall) if wall >= 60.0 else quantity(wall, "s")),
         ("speed", f"{compact(speed)} particle-steps/s  ({steps} steps, {particles} particles)"),
