@@ -110,7 +110,7 @@ def test_d12_pulled_bar(engine: str, chain: Make, relax: Make) -> None:
     root, tip = model.select([0]), model.select([10])
     seen = sim.record(every=50, force=bd.reaction(root, "y"), moved=bd.displacement(tip, "y"))
     p = relax(sim, [0])
-    assert (seen.force.last, seen.moved.last) == pytest.approx((100.0 * n[1], 1000.0 / DP0.kn * n[1]), rel=1e-6)
+    assert (seen["force"].last, seen["moved"].last) == pytest.approx((100.0 * n[1], 1000.0 / DP0.kn * n[1]), rel=1e-6)
     stretched = np.arange(11) * 100.0 / DP0.kn
     np.testing.assert_allclose(p.x - model.x, np.outer(stretched, n), rtol=0, atol=1e-6 * stretched[-1])
     np.testing.assert_allclose(p.force[0], 100.0 * n, rtol=0, atol=1e-4)
@@ -160,6 +160,7 @@ def test_d15_hanging_chain(engine: str, chain: Make, relax: Make) -> None:
     on_top = p.force[0] - weight * down  # the force on a sphere holds its own weight
     np.testing.assert_allclose(on_top, N * weight * down, rtol=0, atol=1e-6 * N * weight)
     carried = weight * np.arange(N, 0, -1)
+    np.testing.assert_allclose(sim.bonds(bonds).force @ down, carried, rtol=0, atol=1e-6 * N * weight)
     np.testing.assert_allclose(sim.bonds(bonds).energy, 0.5 * carried**2 / DP0.kn, rtol=1e-5)
 
 

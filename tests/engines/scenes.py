@@ -128,8 +128,10 @@ def cluster(seed: int, kinds: Families, sites: float = 1.2, gap: float = 0.25) -
 def loaded(
     scene: Scene, seed: int, strain: float = 0.03, turn: float = 0.03, speed: float = 3.0, shift: float = 3.0
 ) -> Scene:
-    """Return a scene in a random state: displacements `strain` LENGTH, rotations `turn` [rad], velocities `speed` [m/s],
-    all turned as one by any angle and moved as one by `shift` LENGTH."""
+    """Return a scene in a random state, all turned as one by any angle and moved as one by `shift` LENGTH.
+
+    strain: displacements [LENGTH]; turn: rotations [rad]; speed: velocities [m/s], and twice that over LENGTH of spin.
+    """
     rng = np.random.default_rng(seed)
     n = len(scene.x0)
     moved = scene.x0 + rng.normal(scale=strain * LENGTH, size=(n, 3))

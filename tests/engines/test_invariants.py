@@ -332,7 +332,7 @@ def test_names_do_not_matter(engine, seed):
     here, there = (s.build(engine).run(1, quiet=True) for s in (scene, other))
     for name in ("x", "v", "w", "force", "torque"):
         assert_near(getattr(there.particles, name), getattr(here.particles, name)[old], 1e-12, name)
-    for name, bonds in here.sets.items():
+    for name in here.sets:
         for field in ("damage", "energy"):
             ours, theirs = (np.sort(getattr(s.bonds(s.sets[name]), field)) for s in (here, there))
             assert_near(theirs, ours, 1e-12, f"{name} {field}")

@@ -22,13 +22,14 @@ import numpy as np
 from numba.core import config
 
 from pybondem import ops
-from pybondem.engines.binding import bind
+from pybondem.engines.binding import bind, globals_of
 from pybondem.engines.loops import INDEX_WORDS, Loops
 from pybondem.errors import EngineError
 from pybondem.program import Program
 from pybondem.state import Arrays
 
 WORDS = {ops.sqrt: np.sqrt, ops.exp: np.exp}
+SPINS = "2000"
 BONDS_PER_THREAD = 1000  # fewer are faster on fewer threads
 
 _BOUND: dict[Any, Any] = {}  # compiled code is never freed: bind each function once
@@ -51,7 +52,12 @@ def physical_cores() -> int:
 
 
 def prepare_numba() -> None:
-    """Ask for full-width vectors and for OpenMP threads; both must be set before the first compilation."""
+    """Ask for full-width vectors and for OpenMP threads; both must be set before the first compilation.
+
+    Threads that wait at the end of a loop spin for some tens of microseconds, then sleep: for ever, as is OpenMP's
+    way, a machine with other work on its cores slows down twentyfold; not at all, and small models do.
+    """
+    os.environ.setdefault("GOMP_SPINCOUNT", SPINS)
     if "NUMBA_CPU_FEATURES" not in os.environ and not config.CPU_FEATURES:
         config.CPU_FEATURES = llvm.get_host_cpu_features().flatten() + ",-prefer-256-bit"
     if "NUMBA_THREADING_LAYER" not in os.environ:
@@ -99,16 +105,12 @@ def _code_of(value: Any, seen: set[Any]) -> bytes:
     if value in seen:
         return b""
     seen.add(value)
-    code, used = (value, []) if isinstance(value, CodeType) else (value.__code__, _globals_and_cells(value))
-    own = repr((code.co_code, code.co_names)).encode()  # the byte code holds only the places of its names
-    return own + b"".join(_code_of(v, seen) for v in [*code.co_consts, *used])
-
-
-def _globals_and_cells(function: FunctionType) -> list[Any]:
-    """Return the values from outside that a function uses."""
-    code = function.__code__
-    used = [function.__globals__[n] for n in code.co_names if n in function.__globals__]
-    return used + [cell.cell_contents for cell in function.__closure__ or ()]
+    if isinstance(value, CodeType):
+        names = repr(value.co_names).encode()  # the byte code holds only their places
+        return value.co_code + names + b"".join(_code_of(v, seen) for v in value.co_consts)
+    cells = (cell.cell_contents for cell in value.__closure__ or ())
+    used = (value.__code__, value.__defaults__, value.__kwdefaults__, *globals_of(value).values(), *cells)
+    return b"".join(_code_of(v, seen) for v in used)
 
 
 def compiled(loops: Loops) -> Any:

@@ -7,6 +7,7 @@ pulled at its end.
 """
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -165,8 +166,9 @@ class PullOutSetup:
         """Hold the matrix at its far face and drive the end of the fibre."""
         half = 0.25 * LAYER * self.fitted_diameter
         tip = self.length + self.fitted_free_length
-        face = model.where(**{self.axis: (None, half)}, part="matrix")
-        pulled = model.where(**{self.axis: (tip - half, None)}, part="fibre")
+        lowest: dict[str, Any] = {self.axis: (None, half)}
+        highest: dict[str, Any] = {self.axis: (tip - half, None)}
+        face, pulled = model.where(**lowest, part="matrix"), model.where(**highest, part="fibre")
         model.fix(face, "x y z")
         across = " ".join(a for a in AXES if a != self.axis)
         model.fix(pulled, across)
