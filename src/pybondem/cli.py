@@ -70,9 +70,9 @@ def examples() -> None:
 @app.command()
 def info() -> None:
     """Say what this machine offers: engines, threads, GPU, versions."""
+    from pybondem.engines.choose import ENGINES
     from pybondem.engines.cpu import Cpu, cache_folder
     from pybondem.output.folder import provenance
-    from pybondem.simulation import ENGINES
 
     facts = {"engines": ", ".join(ENGINES), "threads": str(Cpu().threads), "GPU": gpu_seen(),
              "compiled programs": str(cache_folder())} | provenance()  # fmt: skip

@@ -16,7 +16,7 @@ from pybondem.assembly import Assembly, Drag, assemble, energy_program, step_pro
 from pybondem.check import choice, fraction, nonnegative, positive, vector, whole_number
 from pybondem.damping import Kinetic
 from pybondem.energies import Energies, energies, leapfrog_kinetic
-from pybondem.engines.base import Engine
+from pybondem.engines.choose import make_engine
 from pybondem.errors import InputError, UnstableError
 from pybondem.measure import Measure, Record
 from pybondem.model import BondSet, Model, Selection
@@ -25,26 +25,9 @@ from pybondem.physics.types import Pose, Reference
 from pybondem.stability import Limit, stability_limit
 
 Floats = NDArray[np.float64]
-ENGINES = ("cpu", "reference", "interpreted")
 LONGEST_BLOCK = 0.25  # seconds between two looks at the progress line, the keyboard and the state
 MOST_STEPS = 4096  # rows of the schedule tables of one block
 EDITABLE = ("x", "q", "v", "w")
-
-
-def make_engine(name: str, threads: int | None = None) -> Engine:
-    """Return an engine by name: "cpu" (Numba, the default), "reference" (NumPy), "interpreted" (plain Python)."""
-    name = choice("engine", name, ENGINES)
-    if name == "reference":
-        from pybondem.engines.reference import Reference
-
-        return Reference()
-    if name == "interpreted":
-        from pybondem.engines.interpreted import Interpreted
-
-        return Interpreted()
-    from pybondem.engines.cpu import Cpu
-
-    return Cpu(threads)
 
 
 @dataclass

@@ -4,13 +4,13 @@ import copy
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.linalg import LinearOperator, cg
 
 from pybondem.assembly import Assembly, assemble
 from pybondem.boundaries import Boundaries
-from pybondem.check import choice
-from pybondem.engines.base import Engine
+from pybondem.check import choice, finite_array
+from pybondem.engines.choose import make_engine
 from pybondem.errors import InputError
 from pybondem.model import Model, Selection
 from pybondem.neighbours import pieces
@@ -27,18 +27,22 @@ class Equilibrium(NamedTuple):
     force: Floats
 
 
-def solve(model: Model, prescribed: Floats, engine: Engine, tolerance: float = 1e-10) -> Equilibrium:
-    """Return the linear equilibrium of a model under its boundary conditions.
+def solve(
+    model: Model, prescribed: ArrayLike | None = None, load: ArrayLike | None = None, *,
+    engine: str = "cpu", threads: int | None = None, tolerance: float = 1e-10,
+) -> Equilibrium:  # fmt: skip
+    """Return the linear equilibrium of a model whose fixed and driven components are held.
 
-    prescribed (n, 6): displacements [m] and rotations [rad] of held components, model order; pushes are not applied.
-    By conjugate gradients on the mass-scaled stiffness, matrix-free. Raises InputError where a connected piece has
-    no held component (it could float away), or the iteration does not converge.
+    prescribed (n, 6): displacements [m] and rotations [rad] of the held components; load (n, 6): forces [N] and torques
+    [N m] on the free ones; zeros by default, model order. By conjugate gradients on the mass-scaled stiffness,
+    matrix-free. Raises InputError where a connected piece has no held component (it could float away), for arrays of
+    another shape, or where the iteration does not converge.
     """
     done = assemble(model)
-    stiffness = Stiffness(done, engine)
+    stiffness = Stiffness(done, make_engine(engine, threads))
     check_supported(done, stiffness)
     n = len(model)
-    known = prescribed[done.order].T * (1.0 - stiffness.free)
+    known = _rows("prescribed", prescribed, done) * (1.0 - stiffness.free)
     mass, inertia = (np.broadcast_to(done.particles[name], n) for name in ("mass", "inertia"))
     scale = 1.0 / np.sqrt(np.concatenate([np.tile(mass, (3, 1)), np.tile(inertia, (3, 1))]))
 
@@ -46,15 +50,21 @@ def solve(model: Model, prescribed: Floats, engine: Engine, tolerance: float = 1
         u = flat.reshape(6, n)
         return (scale * stiffness.times(scale * stiffness.free * u)).ravel()
 
-    load = (scale * stiffness.times(known)).ravel()
+    unbalanced = stiffness.free * _rows("load", load, done) - stiffness.times(known)
     shape = LinearOperator((6 * n, 6 * n), matvec=operator, dtype=np.float64)
-    solution, info = cg(shape, -load, rtol=tolerance, maxiter=20 * n + 1000)
+    solution, info = cg(shape, (scale * unbalanced).ravel(), rtol=tolerance, maxiter=20 * n + 1000)
     if info != 0:
         raise InputError(f"the static solve did not converge in {info} iterations; is the model held well enough?")
     u = known + stiffness.free * scale * solution.reshape(6, n)
     force = stiffness.all_forces(u)
     at = done.position
     return Equilibrium(u[:3].T[at], u[3:].T[at], force[:3].T[at])
+
+
+def _rows(name: str, values: ArrayLike | None, done: Assembly) -> Floats:
+    """Return values (n, 6) in model order as (6, n) in memory order."""
+    n = len(done.order)
+    return np.zeros((6, n)) if values is None else finite_array(name, values, (n, 6))[done.order].T
 
 
 def check_supported(done: Assembly, stiffness: Stiffness) -> None:
@@ -71,7 +81,9 @@ def check_supported(done: Assembly, stiffness: Stiffness) -> None:
         )
 
 
-def axial_stiffness(model: Model, low: Selection, high: Selection, axis: str, engine: Engine) -> float:
+def axial_stiffness(
+    model: Model, low: Selection, high: Selection, axis: str, *, engine: str = "cpu", threads: int | None = None
+) -> float:
     """Return EA [N] of a bar: its ends moved apart along x, y or z, free to move sideways and to turn.
 
     low, high: the particles of the two ends; the length is the distance between their means. One static solve; the
@@ -85,4 +97,4 @@ def axial_stiffness(model: Model, low: Selection, high: Selection, axis: str, en
     apart = float(model.x[high.indices, c].mean() - model.x[low.indices, c].mean())
     prescribed = np.zeros((len(model), 6))
     prescribed[high.indices, c] = apart  # unit strain: the force is EA
-    return float(solve(bar, prescribed, engine).force[high.indices, c].sum())
+    return float(solve(bar, prescribed, engine=engine, threads=threads).force[high.indices, c].sum())

@@ -67,7 +67,7 @@ def row(*cases: tuple[Callable[[bd.Model], Any], str]) -> Any:
     (lambda m: m.push(m.part("cap"), tz=-inf), r"^tz of push is -inf; it must be finite"),
     (lambda m: m.push(m.part("cap"), fx=bd.table([0, nan], [0, 1])), r"^times of table\[1\] is nan, not finite"),
     (lambda m: bd.ramp(to=nan, over=1.0), r"^to of ramp is nan; it must be finite"),
-    (lambda m: bd.Simulation(m, gravity=(0, 0, nan)), r"^gravity\[2\] is nan, not finite"),
+    (lambda m: start(m, gravity=(0, 0, nan)), r"^gravity\[2\] is nan, not finite"),
     (lambda m: m.where(x=(nan, 1.0)), r"^x of where is \(nan, 1\)"),
     (lambda m: m.touching(gap=nan), r"^gap of touching is nan"),
     (lambda m: m.join([[2, 3]], GROUT, normal=[[1, nan, 0]], area=1e-4), r"^normal of join\[0, 1\] is nan"),
@@ -109,9 +109,9 @@ def test_row_2_radius(do: Callable[[bd.Model], Any], says: str) -> None:
     (lambda m: m.add(spheres(), "new", density=TINY), r"^density of part 'new' is 5e-324 kg/m3; it must be positive"),
     (lambda m: bd.Model(spheres()), r"^Model needs a density"),
     # so small that the mass, or only the moment of inertia, is no normal double any more
-    (lambda m: m.add(spheres(radius=[0.5, 1e-110]), "new", density=1.0), r"part 'new'.*particle 1.*mass"),
-    (lambda m: m.add(spheres(radius=[0.5, 1e-70]), "new", density=1.0), r"part 'new'.*particle 1.*inertia"),
-    (lambda m: m.add(spheres(radius=1e110), "new", density=1.0), r"part 'new'.*particle 0.*mass"),
+    (lambda m: m.add(spheres(radius=[0.5, 1e-110]), "new", density=1.0), r"particle 1 of part 'new', .* mass of 0"),
+    (lambda m: m.add(spheres(radius=[0.5, 1e-70]), "new", density=1.0), r"particle 1 of part 'new', .* inertia of 0"),
+    (lambda m: m.add(spheres(radius=1e110), "new", density=1.0), r"particle 0 of part 'new', .* mass of inf"),
 )
 def test_row_3_mass(do: Callable[[bd.Model], Any], says: str) -> None:
     assert_refused(do, says)
@@ -133,7 +133,7 @@ def test_row_3_mass(do: Callable[[bd.Model], Any], says: str) -> None:
     (lambda m: bd.strength(tension=1.0, shear=1.0, moment_share=1.5), r"^moment_share of strength is 1.5; it must lie"),
     (
         lambda m: bd.bilinear(slip_peak=2.0, slip_end=1.0),
-        r"^slip_end of bilinear is 1 m; it must exceed slip_peak, 2 m",
+        r"^slip_end of bilinear is 1 m; it must exceed slip_peak",
     ),
     (lambda m: bd.bilinear(slip_peak=[1.0, 3.0], slip_end=2.0), r"^slip_end.* bilinear\[1\] .*slip_peak"),
     (lambda m: bd.bilinear(slip_peak=[1, 1], slip_end=[2, 2, 2]), r"^slip_peak and slip_end of bilinear.* 2 .* 3 "),
@@ -148,7 +148,7 @@ def test_row_3_mass(do: Callable[[bd.Model], Any], says: str) -> None:
     (lambda m: bd.local(-0.1), r"^alpha of local damping is -0.1; it must lie between 0 and"),
     (lambda m: bd.viscous(-1.0), r"^rate of viscous damping is -1.0 1/s; it must not be negative"),
     (lambda m: bd.kinetic(0), r"^every of kinetic damping is 0; it must be at least 1"),
-    (lambda m: bd.Simulation(m, damping=0.2), r"^damping is 0.2; give local"),
+    (lambda m: start(m, damping=0.2), r"^damping is 0.2; give local"),
     (lambda m: m.join([[2, 3]], GROUT, normal=[[1, 0, 0]], area=-1e-4), r"^area(\[0\])? of join(\[0\])? is -0.0001 m2"),
     (lambda m: m.join([[2, 3]], GROUT, normal=[[0, 0, 0]], area=1e-4), r"^normal(\[0\])? of join(\[0\])? is"),
 )
@@ -223,9 +223,15 @@ def test_row_9_a_bond_much_longer_or_shorter_than_its_spheres_warns_of_the_ratio
 
 
 @row(
-    (add_on_top, r"part 'top'.*1 .*same place.*3"),
-    (lambda m: m.add(spheres([[1, 1, 1], [2, 2, 2], [1, 1, 1]]), "twins", density=1.0), r"'twins'.*2 .*same place.*0"),
-    (lambda m: bd.Model(spheres([[0, 0, 0], [0, 0, 0]]), density=1.0), r"'body'.*same place"),
+    (add_on_top, r"particle 1 of part 'top' is at the same place as particle 3"),
+    (
+        lambda m: m.add(spheres([[1, 1, 1], [2, 2, 2], [1, 1, 1]]), "twins", density=1.0),
+        r"particle 2 of part 'twins' is at the same place as .*particle 0",
+    ),
+    (
+        lambda m: bd.Model(spheres([[0, 0, 0], [0, 0, 0]]), density=1.0),
+        r"particle 1 of part 'body' is at the same place as .*particle 0",
+    ),
 )
 def test_row_10_two_spheres_at_the_same_place(do: Callable[[bd.Model], Any], says: str) -> None:
     assert_refused(do, says)
@@ -254,12 +260,12 @@ def test_row_12_a_step_above_the_critical_one_names_the_step_and_a_particle_that
 
 
 @row(
-    (lambda m: bd.Simulation(m, dt=0.0), r"^dt is 0.0 s; it must be positive"),
-    (lambda m: bd.Simulation(m, dt=-1e-6), r"^dt is -1e-06 s; it must be positive"),
-    (lambda m: bd.Simulation(m, dt=nan), r"^dt is nan s; it must be finite"),
-    (lambda m: bd.Simulation(m, dt="1e-6"), r"^dt is '1e-6'; it must be a number"),
-    (lambda m: bd.Simulation(m, safety=0.0), r"^safety is 0.0; it must lie between"),
-    (lambda m: bd.Simulation(m, safety=1.5), r"^safety is 1.5; it must lie between"),
+    (lambda m: start(m, dt=0.0), r"^dt is 0.0 s; it must be positive"),
+    (lambda m: start(m, dt=-1e-6), r"^dt is -1e-06 s; it must be positive"),
+    (lambda m: start(m, dt=nan), r"^dt is nan s; it must be finite"),
+    (lambda m: start(m, dt="1e-6"), r"^dt is '1e-6'; it must be a number"),
+    (lambda m: start(m, safety=0.0), r"^safety is 0.0; it must lie between"),
+    (lambda m: start(m, safety=1.5), r"^safety is 1.5; it must lie between"),
     (lambda m: start(m).run(-1, quiet=True), r"^steps is -1; it must be at least 0"),
     (lambda m: start(m).run(1.5, quiet=True), r"^steps is 1.5; it must be a whole number"),
     (lambda m: start(m).run(True, quiet=True), r"^steps is True; it must be a whole number"),
@@ -276,8 +282,8 @@ def test_row_13_steps_and_times(do: Callable[[bd.Model], Any], says: str) -> Non
     assert_refused(do, says)
 
 
-def start(model: bd.Model) -> bd.Simulation:
-    return bd.Simulation(model, engine="interpreted")
+def start(model: bd.Model, **options: Any) -> bd.Simulation:
+    return bd.Simulation(model, engine="interpreted", **options)
 
 
 # Selections and names -------------------------------------------------------------------------------------------
@@ -312,7 +318,7 @@ def test_row_17_an_empty_selection_is_never_everything(do: Callable[[bd.Model], 
     (lambda m: m.add(spheres(), "rod", density=1.0), r"^part 'rod' is there already"),
     (
         lambda m: m.fix(m.part("cap"), "x q"),
-        r"^component of fix is 'q'; it must be one of 'x', 'y', 'z', 'rx', 'ry', 'rz'",
+        r"^component of fix is 'q'; it must be one of 'x', 'y', 'z', 'rx'",
     ),
     (lambda m: m.fix(m.part("cap"), ""), r"^fix was given no component"),
     (lambda m: m.drive(m.part("cap")), r"^drive was given no component"),
@@ -391,8 +397,8 @@ def test_row_20_what_does_not_contradict() -> None:
     (lambda m: bd.table([0, 1], [0, 1, 2]), r"^table needs as many values as times; got 2 times and 3 values"),
     (lambda m: bd.table([0, 1, 1], [0, 1, 2]), r"^times of table must increase; times\[2\] = 1 s follows 1 s"),
     (lambda m: bd.springs(kn=[[1.0]], ks=1.0), r"^kn of springs has shape \(1, 1\); it must be \(n,\)"),
-    (lambda m: bd.Simulation(m, gravity=(0, 0)), r"^gravity has shape \(2,\); it must be \(3,\)"),
-    (lambda m: bd.Simulation(m, gravity=9.81), r"^gravity has shape \(\); it must be \(3,\)"),
+    (lambda m: start(m, gravity=(0, 0)), r"^gravity has shape \(2,\); it must be \(3,\)"),
+    (lambda m: start(m, gravity=9.81), r"^gravity has shape \(\); it must be \(3,\)"),
 )
 def test_row_22_shapes(do: Callable[[bd.Model], Any], says: str) -> None:
     assert_refused(do, says)

@@ -90,27 +90,27 @@ def fingerprint(loops: Loops) -> str:
         for path in sorted((package / part).rglob("*.py")) if (package / part).is_dir() else [package / part]:
             key.update(path.read_bytes())
     for name, body in loops.bodies.items():
-        key.update(name.encode() + _code_of(body, set()))
+        key.update(name.encode() + _code_of(body, []))
     versions = (numba.__version__, llvm.llvm_version_info, np.__version__, sys.version, platform.machine())
     key.update(repr((loops.source, versions, config.CPU_FEATURES, llvm.get_host_cpu_name())).encode())
     return key.hexdigest()[:24]
 
 
-def _code_of(value: Any, seen: set[Any]) -> bytes:
+def _code_of(value: Any, seen: list[Any]) -> bytes:
     """Return what a value compiles to: a function's byte code, names and constants, and all values that it uses."""
     if isinstance(value, np.ndarray):
         return repr((value.dtype, value.shape)).encode() + value.tobytes()
     if not isinstance(value, FunctionType | CodeType):
         return repr(value).encode()
     if value in seen:
-        return b""
-    seen.add(value)
+        return b"number %d" % seen.index(value)
+    seen.append(value)
     if isinstance(value, CodeType):
-        names = repr(value.co_names).encode()  # the byte code holds only their places
-        return value.co_code + names + b"".join(_code_of(v, seen) for v in value.co_consts)
-    cells = (cell.cell_contents for cell in value.__closure__ or ())
-    used = (value.__code__, value.__defaults__, value.__kwdefaults__, *globals_of(value).values(), *cells)
-    return b"".join(_code_of(v, seen) for v in used)
+        used = (value.co_code, value.co_names, *value.co_consts)  # the byte code holds only the places of its names
+    else:
+        cells = (cell.cell_contents for cell in value.__closure__ or ())
+        used = (value.__code__, value.__defaults__, value.__kwdefaults__, *globals_of(value).values(), *cells)
+    return b"\n".join(_code_of(v, seen) for v in used)
 
 
 def compiled(loops: Loops) -> Any:

@@ -22,7 +22,7 @@ from pybondem.packing import hcp
 from pybondem.packing.shapes import Cylinder as CylinderShape
 from pybondem.results import Results
 from pybondem.schedules import smooth
-from pybondem.simulation import Simulation, make_engine
+from pybondem.simulation import Simulation
 from pybondem.statics import solve
 from pybondem.theory.lattice import calibrate
 
@@ -124,7 +124,7 @@ class CylinderModel:
         z = self.model.x[:, 2]
         prescribed = np.zeros((len(self.model), 6))
         prescribed[self.top.indices, 2] = np.ptp(z)
-        return float(solve(self.model, prescribed, make_engine(engine, threads)).force[self.top.indices, 2].sum())
+        return float(solve(self.model, prescribed, engine=engine, threads=threads).force[self.top.indices, 2].sum())
 
 
 @dataclass(frozen=True)

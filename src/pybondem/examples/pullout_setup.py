@@ -21,7 +21,6 @@ from pybondem.neighbours import pieces
 from pybondem.packing import hcp
 from pybondem.packing.shapes import Cylinder as CylinderShape
 from pybondem.schedules import smooth
-from pybondem.simulation import make_engine
 from pybondem.statics import axial_stiffness
 from pybondem.theory import PullOut, shear_lag_compliance
 from pybondem.theory.lattice import calibrate, elastic_constants
@@ -160,7 +159,7 @@ class PullOutSetup:
         at = part.x[:, AXES.index(self.axis)]
         half = 0.25 * LAYER * self.fitted_diameter
         low, high = (part.select(np.abs(at - end) < half) for end in (at.min(), at.max()))
-        return axial_stiffness(part, low, high, self.axis, make_engine(engine, threads))
+        return axial_stiffness(part, low, high, self.axis, engine=engine, threads=threads)
 
     def _held(self, model: Model, joints: BondSet, surface: Interface, scales: dict[str, float]) -> "PullOutModel":
         """Hold the matrix at its far face and drive the end of the fibre."""

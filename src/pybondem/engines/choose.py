@@ -1,0 +1,22 @@
+"""Engines by name; each is imported only when it is asked for."""
+
+from pybondem.check import choice
+from pybondem.engines.base import Engine
+
+ENGINES = ("cpu", "reference", "interpreted")
+
+
+def make_engine(name: str, threads: int | None = None) -> Engine:
+    """Return an engine by name: "cpu" (Numba, the default), "reference" (NumPy), "interpreted" (plain Python)."""
+    name = choice("engine", name, ENGINES)
+    if name == "reference":
+        from pybondem.engines.reference import Reference
+
+        return Reference()
+    if name == "interpreted":
+        from pybondem.engines.interpreted import Interpreted
+
+        return Interpreted()
+    from pybondem.engines.cpu import Cpu
+
+    return Cpu(threads)
