@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from oracles.closed_forms import DP0
 
 import pybondem as bd
-from pybondem.simulation import ENGINES as OFFERED
+from pybondem.engines.choose import ENGINES as OFFERED
 
 Floats = NDArray[np.float64]
 NEED_GPU = {"cuda"}

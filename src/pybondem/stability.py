@@ -25,13 +25,18 @@ class Limit:
 
 
 class Stiffness:
-    """The model's stiffness as an operator, matrix-free, on the engine: u -> K u, both (6, n)."""
+    """The model's stiffness as an operator, matrix-free, on the engine: u -> K u, both (6, n).
+
+    free (6, n): 0 for held components, 1 for the others; scale (6, n): 1 / sqrt(mass) and 1 / sqrt(inertia).
+    """
 
     def __init__(self, done: Assembly, engine: Engine) -> None:
         self._program = linear_program(done)
         self._runner = engine.prepare(self._program)
         held = np.concatenate([done.tables.hold, done.tables.turn_hold])[:, done.particles["group"]]
         self.free = 1.0 - held
+        each = [np.broadcast_to(done.particles[name], (3, len(done.order))) for name in ("mass", "inertia")]
+        self.scale = 1.0 / np.sqrt(np.concatenate(each))
 
     def times(self, u: Floats) -> Floats:
         """Return K u on free components for displacements and rotations u (6, n)."""
@@ -55,9 +60,7 @@ def stability_limit(done: Assembly, engine: Engine) -> Limit:
     if not done.blocks:
         return Limit(np.inf, 0.0, 0)
     stiffness = Stiffness(done, engine)
-    mass, inertia = done.particles["mass"], done.particles["inertia"]
-    n = len(done.order)
-    scale = 1.0 / np.sqrt(np.concatenate([np.broadcast_to(mass, (3, n)), np.broadcast_to(inertia, (3, n))]))
+    scale = stiffness.scale
     value = largest_eigenvalue(lambda u: scale * stiffness.times(scale * u), stiffness.free)
     omega = float(np.sqrt(max(value, 0.0)))
     if omega == 0.0:

@@ -43,8 +43,7 @@ def solve(
     check_supported(done, stiffness)
     n = len(model)
     known = _rows("prescribed", prescribed, done) * (1.0 - stiffness.free)
-    mass, inertia = (np.broadcast_to(done.particles[name], n) for name in ("mass", "inertia"))
-    scale = 1.0 / np.sqrt(np.concatenate([np.tile(mass, (3, 1)), np.tile(inertia, (3, 1))]))
+    scale = stiffness.scale
 
     def operator(flat: Floats) -> Floats:
         u = flat.reshape(6, n)

@@ -132,10 +132,10 @@ def test_a_driven_particle_is_where_its_schedule_says(engine, name):
     start = sim.particles.x[2]
     for steps in (1, 2, 30, 67):
         sim.run(steps, quiet=True)
-        path = schedule.integral(np.array([0.0, sim.time]))
         p = sim.particles
-        assert p.x[2] - start == pytest.approx([path[1] - path[0], 0.0, -1.5 * sim.time], abs=1e-16) or engine == "cpu"
-        assert np.abs(p.x[2] - start - [path[1] - path[0], p.x[2, 1] - start[1], -1.5 * sim.time]).max() <= 1e-16
+        path = np.diff(schedule.integral(np.array([0.0, sim.time])))[0]
+        assert p.x[2, 0] - start[0] == pytest.approx(path, abs=1e-16)
+        assert p.x[2, 2] - start[2] == pytest.approx(-1.5 * sim.time, abs=1e-16)
         assert p.w[2, 1] == pytest.approx(p.v[2, 0], rel=1e-15)
 
 
@@ -158,7 +158,7 @@ PUSHES = {
 
 @pytest.mark.parametrize("name", PUSHES)
 def test_a_pushed_particle_gains_the_impulse(engine, name):
-    """m v = int F dt and I w = int T dt to round-off, for pushes that are linear in each step; the first step counts."""
+    """m v = int F dt, I w = int T dt to round-off, for pushes that are linear in each step; the first step counts."""
     push, steps = PUSHES[name]
     prepare = lambda m: m.push(m.select([0]), fx=push, fz=-2.0, ty=push)  # noqa: E731
     sim = row(1, engine, prepare)
@@ -176,25 +176,19 @@ def test_a_pushed_particle_gains_the_impulse(engine, name):
 
 
 def test_a_drive_works_by_the_force_it_meets_along_the_way(engine):
-    """Against the trapezoid rule over the recorded forces and displacements, step by step; gravity on; book closed."""
+    """Against the trapezoid rule over the forces and displacements seen, step by step; gravity on; book closed."""
 
     def prepare(model):
         model.fix(model.select([0]))
         model.drive(model.select([3]), vx=bd.smooth(to=0.5, over=100 * DT), vy=-0.2, wz=bd.ramp(to=5.0, over=50 * DT))
 
     sim = row(4, engine, prepare, gravity=(3.0, -9.81, 0.0))
-    x, force, spin, torque = [], [], [], []
+    before, work = sim.particles, 0.0
     for _ in range(200):
-        p = sim.particles
-        x.append(p.x[3]), force.append(p.force[3]), torque.append(p.torque[3])
-        sim.run(1, quiet=True)
-        spin.append(sim.particles.w[3])
-    x, force, torque = (
-        np.array([*seen, getattr(sim.particles, name)[3]])
-        for seen, name in ((x, "x"), (force, "force"), (torque, "torque"))
-    )
-    work = -0.5 * ((force[1:] + force[:-1]) * np.diff(x, axis=0)).sum()
-    work -= 0.5 * DT * ((torque[1:] + torque[:-1]) * np.array(spin)).sum()
+        p = sim.run(1, quiet=True).particles
+        work -= 0.5 * (before.force[3] + p.force[3]) @ (p.x[3] - before.x[3])
+        work -= 0.5 * (before.torque[3] + p.torque[3]) @ (DT * p.w[3])
+        before = p
     book = sim.energies
     assert book.work == pytest.approx(work, rel=1e-12)
     assert book.work > 0.0
@@ -304,15 +298,17 @@ def test_kinetic_damping_comes_to_rest_at_the_static_answer(engine):
         model.fix(model.select([0]))
         model.push(model.select([n - 1]), fx=force)
 
-    sim = row(n, engine, prepare, damping=bd.kinetic(every=5), dt=None, safety=0.5)
-    sim.run(1500, quiet=True)
+    sim = row(n, engine, prepare, damping=bd.kinetic(every=2), dt=None)
+    begun = sim.energies.kinetic  # m v- . v+ / 2 half a step before and after: below zero at rest under a force
+    assert begun == pytest.approx(-0.5 * MASS * (0.5 * sim.dt * force / MASS) ** 2, rel=1e-12)
+    sim.run(1000, quiet=True)
     stretch = sim.particles.x[-1, 0] - 2 * RADIUS * (n - 1)
     assert stretch == pytest.approx((n - 1) * force / KN, rel=1e-6)
     book = sim.energies
     assert sim.unbalanced < 1e-3
     assert book.kinetic <= 1e-6 * book.strain
     assert book.work == pytest.approx(force * stretch, rel=1e-6)
-    assert book.drag == pytest.approx(book.work - book.strain, rel=1e-6)
+    assert book.drag == pytest.approx(book.work - book.strain + begun, rel=1e-6)
     assert abs(book.residual) <= 1e-9 * book.work
 
 
@@ -320,8 +316,9 @@ def test_kinetic_damping_comes_to_rest_at_the_static_answer(engine):
     "damping", [None, bd.local(0.3), bd.viscous(2e3), bd.kinetic(every=7)], ids=["none", "local", "viscous", "kinetic"]
 )
 def test_the_book_closes_with_everything_at_once(engine, damping):
-    """Dashpots, gravity, a drive, a push, held components, particle damping: to 1e-6 of the energy, as small strains let
-    it (the book is exact but for the curvature of the elastic energy over a step).
+    """Dashpots, gravity, a drive, pushes, held components, damping of particles: to 1e-6 of the energy.
+
+    The book is exact but for the change of stiffness within a step, which is small here as strains are.
     """
     model = bd.Model(bd.packing.fcc(diameter=2 * RADIUS, inside=bd.Sphere(radius=2.4 * RADIUS)), density=DENSITY)
     model.bond(model.touching(), bd.Bond(bd.timoshenko(E=1e9, nu=0.2, radius_ratio=0.8), damping=0.05))

@@ -1,4 +1,4 @@
-"""The cylinder example: the stiffness it measures, against a direct solve of its lattice and the closed-form modulus."""
+"""The cylinder example: the stiffness it measures, against a direct solve of its lattice and the closed form."""
 
 import contextlib
 import io

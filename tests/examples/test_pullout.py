@@ -4,8 +4,8 @@ one-dimensional solution (itself held against separate numerics in tests/oracles
 
 import contextlib
 import io
-from dataclasses import replace
 from math import pi
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -53,6 +53,13 @@ def bonded_lattice(built: PullOutModel, parts: tuple[str, ...] = ("fibre", "matr
     return lattice
 
 
+def shear_of(vectors: Floats, built: PullOutModel) -> Floats:
+    """Return the size of what lies across the normals of the joints, of vectors (joints, 3)."""
+    normal = built.joints.normal
+    assert normal is not None
+    return np.asarray(np.linalg.norm(vectors - (vectors * normal).sum(axis=1)[:, None] * normal, axis=1))
+
+
 def elastic_answer(built: PullOutModel, pull: float) -> tuple[float, Floats]:
     """Return load [N] and interface stress (joints,) [Pa] at an end displacement [m] by a direct solve."""
     test, joints, k = built.test, built.joints, built.test.interface.stiffness
@@ -66,17 +73,7 @@ def elastic_answer(built: PullOutModel, pull: float) -> tuple[float, Floats]:
     i, j = joints.pairs.T
     turn = 0.5 * (u[i, 3:] + u[j, 3:])
     relative = u[j, :3] - u[i, :3] - np.cross(turn, built.model.x[j] - built.model.x[i])
-    slip = relative - (relative * joints.normal).sum(axis=1)[:, None] * joints.normal
-    return float(force[end, axis_of(built)].sum()), k * np.linalg.norm(slip, axis=1)
-
-
-def theory_of(test: PullOutTest) -> PullOut:
-    """Return the one-dimensional solution from the nominal values and the free length of fibre that was built."""
-    free = along(test.build(), "fibre").max() - test.length
-    return PullOut(
-        test.E_fibre, test.E_matrix, test.fibre_radius, test.matrix_radius, test.length, 6e7, 1e-4, 4e-4,
-        extra_compliance=free / (test.E_fibre * pi * test.fibre_radius**2),
-    )  # fmt: skip
+    return float(force[end, axis_of(built)].sum()), k * shear_of(relative, built)
 
 
 # What is built --------------------------------------------------------------------------------------------------
@@ -138,7 +135,7 @@ def test_the_interface_is_a_cylinder(axis: str) -> None:
     layer = (2.0 / 3.0) ** 0.5 * built.test.fitted_diameter
     for level in np.unique(np.round(height, 9)):  # inner layers stand for a layer, the two at the ends for half of one
         share = area[np.abs(height - level) < 1e-6].sum() / (2.0 * pi * layer)
-        assert share == pytest.approx(0.5 if level in (0.0, 10.0) else 1.0, rel=1e-9)
+        assert share == pytest.approx(0.5 if level in (0.0, 10.0) else 1.0, rel=1e-5)
     np.testing.assert_allclose(np.linalg.norm(normal, axis=1), 1.0, rtol=1e-14)
     np.testing.assert_allclose(normal[:, axis_of(built)], 0.0, atol=1e-14)
     middle = 0.5 * (x[i] + x[j])
@@ -186,24 +183,29 @@ def test_both_parts_have_their_nominal_stiffness(E_fibre: float, E_matrix: float
 # The elastic stage ----------------------------------------------------------------------------------------------
 
 
-def test_the_elastic_stage_is_that_of_the_lattice(tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_the_elastic_stage_is_that_of_the_lattice(tmp_path: Path) -> None:
+    test = pullout(**SMALL, axis="z", pull=1e-5, damping=0.5)
+    built, result = test.build(), test.run(folder=tmp_path, quiet=True)
+    assert result.displacement[-1] == pytest.approx(1e-5, rel=5e-3)
+    load, stress = elastic_answer(built, float(result.displacement[-1]))
+    assert result.load[-1] == pytest.approx(load, rel=2e-3)
+    shown = read_series(tmp_path / "bonds.vtkhdf")
+    tau = shear_of(shown.cell["force"][shown.cell["bond_set"] == 2], built) / built.joints.area
+    np.testing.assert_allclose(tau, stress, atol=5e-3 * stress.max())
+    assert result.summary["errors"].keys() == {"load up to the turning point"}  # no stage of softening is reached
+
+
+def test_pulling_along_any_axis_takes_the_same_load() -> None:
     loads = {}
-    for axis in ("x", "z"):
-        test = pullout(**SMALL, axis=axis, pull=1e-5, damping=0.5)
-        result = test.run(folder=tmp_path_factory.mktemp(axis), quiet=True)
-        assert result.displacement[-1] == pytest.approx(1e-5, rel=1e-9)
-        loads[axis] = result.load
-        built = test.build()
-        load, stress = elastic_answer(built, float(result.displacement[-1]))
-        assert result.load[-1] == pytest.approx(load, rel=2e-3)
-        shown = read_series(result.folder / "bonds.vtkhdf")
-        joints = shown.cell["bond_set"] == 2
-        force = shown.cell["force"][joints]
-        across_normal = force - (force * built.surface.normal).sum(axis=1)[:, None] * built.surface.normal
-        tau = np.linalg.norm(across_normal, axis=1) / built.joints.area
-        np.testing.assert_allclose(tau, stress, atol=5e-3 * stress.max())
-        assert result.summary["errors"].keys() == {"load up to the turning point"}
-    np.testing.assert_allclose(loads["x"], loads["z"], rtol=1e-6, atol=1e-6 * loads["x"].max())
+    for axis in "xyz":
+        built = pullout(**SMALL, axis=axis, pull=1e-5, transits=5.0).build()
+        sim = bd.Simulation(built.model, dt=1.2e-4)  # local damping follows signs: of round-off where nothing moves
+        record = sim.record(every=10, load=bd.applied(built.pulled, axis))
+        sim.run(time=built.test.duration, quiet=True)
+        loads[axis] = record["load"].values
+    assert loads["x"].max() > 1e3
+    for axis in "yz":
+        np.testing.assert_allclose(loads[axis], loads["x"], atol=1e-6 * loads["x"].max())
 
 
 # The whole test, coarse -----------------------------------------------------------------------------------------
@@ -219,7 +221,7 @@ class Run(NamedTuple):
     summary: dict[str, Any]
 
 
-def pulled_out(test: PullOutTest, folder: Any) -> Run:
+def pulled_out(test: PullOutTest, folder: Path) -> Run:
     built = test.build()
     with contextlib.redirect_stdout(io.StringIO()) as printed:
         result = run_pullout(built, "cpu", None, folder, False)
@@ -333,7 +335,8 @@ def test_the_folder_shows_the_debonding(coarse: Run) -> None:
     np.testing.assert_array_equal(bonds.lines[joints], coarse.built.joints.pairs)
     np.testing.assert_array_equal(bonds.cell["damage"][joints], 1.0)
     np.testing.assert_array_equal(bonds.cell["damage"][~joints], 0.0)
-    np.testing.assert_array_equal(bonds.cell["energy"][joints], 0.0)
+    slip_force = shear_of(bonds.cell["force"][joints], coarse.built)
+    np.testing.assert_allclose(slip_force, 0.0, atol=1e-6 * np.abs(bonds.cell["force"]).max())
     particles = read_series(folder / "particles.vtkhdf")
     assert particles.times == bonds.times
     moved = particles.point["displacement"][coarse.built.pulled.indices, 0]
@@ -367,8 +370,9 @@ def test_values_that_make_no_pull_out_are_refused(values: dict, says: str) -> No
         pullout(**values)
 
 
+@pytest.mark.filterwarnings("ignore:no bonds were made")
 def test_grains_too_large_for_the_fibre_are_refused() -> None:
-    with pytest.raises(InputError, match="fibre falls into .* pieces"):
+    with pytest.raises(InputError, match=r"fibre falls into .* pieces"):
         pullout(diameter=2.0).build()
 
 

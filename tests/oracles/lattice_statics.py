@@ -26,8 +26,9 @@ COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
 def beam_matrix(length: ArrayLike, kn: ArrayLike, ks: ArrayLike, kt: ArrayLike, kb: ArrayLike) -> Floats:
     """Return the stiffness (m, 12, 12) of beams along their own first axis.
 
-    In the words of the textbook kn = EA/L, kt = GJ/L, kb = EI/L and ks = 12 EI/(L^3 (1 + Phi)), hence
-    6 EI/(L^2 (1 + Phi)) = ks L/2, (4 + Phi) EI/(L (1 + Phi)) = ks L^2/4 + kb, (2 - Phi) EI/(L (1 + Phi)) = ks L^2/4 - kb.
+    In the words of the textbook kn = EA/L, kt = GJ/L, kb = EI/L and ks = 12 EI/(L^3 (1 + Phi)), so that its other
+    entries 6 EI/(L^2 (1 + Phi)), (4 + Phi) EI/(L (1 + Phi)) and (2 - Phi) EI/(L (1 + Phi)) are ks L/2, ks L^2/4 + kb
+    and ks L^2/4 - kb.
     """
     given = np.broadcast_arrays(*(np.atleast_1d(np.asarray(a, float)) for a in (length, kn, ks, kt, kb)))
     L, axial, shear, twist, bending = given
@@ -128,7 +129,9 @@ class Lattice:
             if np.linalg.norm(left) <= 1e-12 * np.linalg.norm(load):
                 return (u / arcs).reshape(-1, 6), (arcs * (K @ u)).reshape(-1, 6)
             u[free] += factors.solve(left)
-        raise ArithmeticError(f"{np.linalg.norm(left) / np.linalg.norm(load):.2g} of the load is left on free particles.")
+        raise ArithmeticError(
+            f"{np.linalg.norm(left) / np.linalg.norm(load):.2g} of the load is left on free particles."
+        )
 
     def critical_step(self, mass: Floats, inertia: Floats, held: Iterable[int] = ()) -> float:
         """Return 2/omega_max [s], the bound of velocity Verlet without damping, by a dense eigenvalue problem.
