@@ -17,7 +17,7 @@ from pybondem.physics.elastic.section import area as circle_area
 from pybondem.physics.elastic.section import bending_modulus
 from pybondem.physics.types import DragFunction, Motion, Pose, Reference, Section, Stiffness, Viscosity
 from pybondem.program import BOND, JOINT, Block, Body, Element, Program, Reads, Stage
-from pybondem.state import BOND_FIELDS, ENERGY, LOAD, PARTICLE_FIELDS, allocate
+from pybondem.state import BOND_FIELDS, CHORD, ENERGY, LOAD, PARTICLE_FIELDS, allocate
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
@@ -62,12 +62,17 @@ class Assembly:
     particles: dict[str, Any]
     blocks: tuple[Block, ...]
     bonds: dict[str, dict[str, Any]]
-    bond_order: tuple[Ints, ...]
+    bond_order: tuple[NDArray[np.uint32], ...]
     shared: dict[str, Any]
 
     def element(self, block: int) -> Element:
         """Return the element of a block: bond or joint."""
         return BOND if isinstance(self.model.bonds[block].bond, Bond) else JOINT
+
+    def chord(self, arrays: dict[str, Any]) -> Floats:
+        """Return the chord from i to j of each bond of a block when it was made (3, bonds) [m]."""
+        start = self.particles["start"]
+        return start[:, arrays["j"]] - start[:, arrays["i"]]
 
 
 def assemble(model: Model) -> Assembly:
@@ -100,7 +105,7 @@ def _particle_arrays(model: Model, order: Ints, group: NDArray[np.uint32]) -> di
     """Return the arrays of the particles in memory order: at rest where they were placed."""
     constant = {"mass": uniform(model.mass[order]), "inertia": uniform(model.inertia[order]), "group": group[order]}
     changing = allocate(PARTICLE_FIELDS, {f.name for f in PARTICLE_FIELDS} - {*constant, *DRAG}, len(order))
-    changing["x"][:] = model.x[order].T
+    changing["x"][:] = changing["start"][:] = model.x[order].T
     changing["q"][0] = 1.0
     return {**changing, **constant}
 
@@ -114,7 +119,7 @@ def _shared_arrays(bonds: dict[str, dict[str, Any]], n: int, count: int, tables:
     return own | {"hold": tables.hold, "turn_hold": tables.turn_hold} | tables.schedule(0, 0, 1.0)
 
 
-def _bond_arrays(bonds: BondSet, model: Model, position: Ints) -> tuple[dict[str, Any], Ints]:
+def _bond_arrays(bonds: BondSet, model: Model, position: Ints) -> tuple[dict[str, Any], NDArray[np.uint32]]:
     """Return the arrays of a bond set in memory order (by first, then second particle), and that order."""
     ends = position[bonds.pairs]
     swapped = ends[:, 0] > ends[:, 1]
@@ -122,7 +127,6 @@ def _bond_arrays(bonds: BondSet, model: Model, position: Ints) -> tuple[dict[str
     order = np.lexsort((ends[:, 1], ends[:, 0]))
     i, j = np.where(swapped[:, None], bonds.pairs[:, ::-1], bonds.pairs)[order].T
     arrays: dict[str, Any] = {"i": ends[order, 0].astype(np.uint32), "j": ends[order, 1].astype(np.uint32)}
-    arrays["r0"] = np.ascontiguousarray((model.x[j] - model.x[i]).T)
     for name, value in _values(bonds, model).items():
         arrays[name] = value if np.ndim(value) == 0 else uniform(np.broadcast_to(value, (len(order),))[order])
     mass, inertia = (uniform(of[i] * of[j] / (of[i] + of[j])) for of in (model.mass, model.inertia))
@@ -136,7 +140,7 @@ def _bond_arrays(bonds: BondSet, model: Model, position: Ints) -> tuple[dict[str
         arrays |= allocate(BOND_FIELDS, {"power", "damped"}, len(order))
     if bonds.normal is not None:  # swapping the ends turns r0 and the normal together
         arrays["normal"] = np.ascontiguousarray(np.where(swapped[:, None], -bonds.normal, bonds.normal)[order].T)
-    return arrays, order
+    return arrays, order.astype(np.uint32)
 
 
 def _law(bonds: BondSet) -> DamageLaw | None:
@@ -208,7 +212,7 @@ def bond_stage(done: Assembly, number: int) -> Stage:
 
 def reference(bonds: BondSet) -> Reads:
     """Return how the reference of a bond is read; a bond has no normal of its own."""
-    return (Reference, "r0", "r0" if bonds.normal is None else "normal")
+    return (Reference, CHORD, CHORD if bonds.normal is None else "normal")
 
 
 def energy_program(done: Assembly) -> Program:
@@ -223,6 +227,7 @@ def energy_program(done: Assembly) -> Program:
 def linear_program(done: Assembly) -> Program:
     """Return the program of the model's own stiffness: displacements v [m], rotations w [rad] -> forces, torques."""
     particles = allocate(PARTICLE_FIELDS, {"v", "w", "force", "torque"}, len(done.order))
+    particles["start"] = done.particles["start"]
     shared = {"load": np.zeros_like(done.shared["load"]), "first": done.shared["first"], "ends": done.shared["ends"]}
     stages = _stages(done, pg.linear_body, (MOTION_I, MOTION_J), (), "load")
     return Program((*stages, Stage("gather")), done.blocks, particles, done.bonds, shared)

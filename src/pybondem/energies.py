@@ -12,14 +12,10 @@ Floats = NDArray[np.float64]
 
 
 class Running(Protocol):
-    """What the energy book reads of a running simulation.
-
-    start_positions: (3, n) [m], in the order of the arrays of state; gravity (3,) [m/s2]; dt [s].
-    """
+    """What the energy book reads of a running simulation: gravity (3,) [m/s2], dt [s]."""
 
     model: Model
     state: Assembly
-    start_positions: Floats
     gravity: tuple[float, float, float]
     dt: float
 
@@ -55,7 +51,7 @@ def energies(sim: Running, kinetic_taken: float) -> Energies:
     """
     p = sim.state.particles
     bonds = sim.state.bonds.values()
-    fallen = (p["x"] - sim.start_positions) * np.broadcast_to(p["mass"], len(sim.model))
+    fallen = (p["x"] - p["start"]) * np.broadcast_to(p["mass"], len(sim.model))
     values = {
         "kinetic": leapfrog_kinetic(sim),
         "strain": float(sim.bond_energy().sum()),

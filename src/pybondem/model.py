@@ -46,7 +46,7 @@ class Selection:
 class BondSet(NamedTuple):
     """One call of bond or join: pairs (m, 2), the bond, and for joints the unit normals (m, 3) and areas (m,) [m2]."""
 
-    pairs: Ints
+    pairs: NDArray[np.int32]
     bond: Bond | Joint
     normal: Floats | None = None
     area: Floats | None = None
@@ -67,7 +67,6 @@ class Model:
         self.parts: list[str] = []
         self.bonds: list[BondSet] = []
         self.boundaries = Boundaries()
-        self._bonded: Ints = np.empty(0, np.int64)
         if particles is not None:
             if density is None:
                 raise InputError("Model needs a density [kg/m3] for its particles: Model(particles, density=2500.0).")
@@ -207,26 +206,24 @@ class Model:
         A = positive_array("area of join", each, (m,), "m2")
         return self._add(BondSet(checked, joint, N / size[:, None], A))
 
-    def _pairs(self, pairs: ArrayLike) -> Ints:
+    def _pairs(self, pairs: ArrayLike) -> NDArray[np.int32]:
         array = np.asarray(pairs)
         if array.size == 0:
-            return np.empty((0, 2), np.int64)
+            return np.empty((0, 2), np.int32)
         if array.ndim != 2 or array.shape[1] != 2:
             raise InputError(f"bond pairs have shape {array.shape}; it must be (m, 2), two particle indices per bond.")
         checked = _indices("bond", array, len(self))
         if np.any(checked[:, 0] == checked[:, 1]):
             k = int(np.argmax(checked[:, 0] == checked[:, 1]))
             raise InputError(f"bond {k} joins particle {checked[k, 0]} with itself; a bond needs two particles.")
-        return checked
+        return checked.astype(np.int32)
 
     def _add(self, new: BondSet) -> BondSet:
         if len(new.pairs) == 0:
             warnings.warn("no bonds were made: there are no pairs; a larger gap in touching finds more.", stacklevel=3)
             return new
-        low_high = np.sort(new.pairs, axis=1)
-        key = (low_high[:, 0] << 32) + low_high[:, 1]
-        everything = np.concatenate([self._bonded, key])
-        values, count = np.unique(everything, return_counts=True)
+        ends = np.sort(np.concatenate([bonds.pairs for bonds in (*self.bonds, new)]).astype(np.int64), axis=1)
+        values, count = np.unique((ends[:, 0] << 32) + ends[:, 1], return_counts=True)
         if np.any(count > 1):
             i, j = divmod(int(values[np.argmax(count > 1)]), 1 << 32)
             raise InputError(f"particles {i} and {j} are bonded twice; a pair may have one bond.")
@@ -240,7 +237,6 @@ class Model:
             k = int(np.argmax(np.abs(np.log(ratio))))
             said = f"bond {k} is {ratio[k]:.3g} times as long as Ri + Rj of particles {new.pairs[k].tolist()}."
             warnings.warn(said, stacklevel=3)
-        self._bonded = everything
         self.bonds.append(new)
         return new
 

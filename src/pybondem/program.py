@@ -15,6 +15,7 @@ The time step on one screen:
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, NamedTuple
 
 from pybondem.ops import Number, Vector, add, cross, dot, minus, norm, sqrt, times, where
@@ -137,6 +138,7 @@ def finish(moving: Motion, force: Vector, torque: Vector, mass: Number, inertia:
     return *force, *torque, *v, *w, work + h * power
 
 
+@cache
 def finish_dragged(drag_law: DragFunction) -> Body:
     """Return `finish` with the damping force drag_law(coefficient, force, velocity, mass, dt) on free components."""
 
@@ -195,6 +197,7 @@ def energy_open_to_damage(s: Stretch, k: Stiffness) -> Number:
     return elastic_energy(s, Stiffness(where(s.opening < 0.0, 0.0, k.kn), k.ks, k.kt, k.kb))
 
 
+@cache
 def damage_step(element: Element, law: DamageFunction) -> Callable[..., tuple[Stiffness, Number, Numbers]]:
     """Return the function that grows the damage of a bond and books the energy it takes.
 
@@ -229,6 +232,7 @@ def both(a: Load, b: Load) -> Load:
     return Load(add(a.force, b.force), add(a.couple, b.couple))
 
 
+@cache
 def elastic_body(element: Element) -> Body:
     """Return the body of an unbreakable elastic bond."""
     load = element.load
@@ -240,6 +244,7 @@ def elastic_body(element: Element) -> Body:
     return elastic
 
 
+@cache
 def viscous_body(element: Element) -> Body:
     """Return the body of an unbreakable bond with dashpots."""
     load = element.load
@@ -253,6 +258,7 @@ def viscous_body(element: Element) -> Body:
     return viscous
 
 
+@cache
 def damaging_body(element: Element, law: DamageFunction) -> Body:
     """Return the body of a bond with a damage law."""
     grow, load = damage_step(element, law), element.load
@@ -266,6 +272,7 @@ def damaging_body(element: Element, law: DamageFunction) -> Body:
     return damaging
 
 
+@cache
 def damaging_viscous_body(element: Element, law: DamageFunction) -> Body:
     """Return the body of a bond with a damage law and dashpots."""
     grow, load = damage_step(element, law), element.load
@@ -282,6 +289,7 @@ def damaging_viscous_body(element: Element, law: DamageFunction) -> Body:
     return damaging_viscous
 
 
+@cache
 def energy_body(element: Element) -> Body:
     """Return the body that evaluates the elastic energy [J] of a bond at frozen damage: one number."""
     stretch = element.stretch
@@ -293,6 +301,7 @@ def energy_body(element: Element) -> Body:
     return energy
 
 
+@cache
 def linear_body(element: Element) -> Body:
     """Return the body of the linearised bond: displacements and rotations of the ends -> load, nine numbers."""
     opening = element.reference_direction

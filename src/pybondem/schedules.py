@@ -75,6 +75,10 @@ class Table:
 
     def integral(self, t: Floats) -> Floats:
         """Return the integral of the value from 0 to the times t."""
+        return self._from_first(t) - self._from_first(np.zeros(1))
+
+    def _from_first(self, t: Floats) -> Floats:
+        """Return the integral of the value from the first of the points to the times t."""
         steps = 0.5 * np.diff(self.times) * (self.values[1:] + self.values[:-1])
         at_points = np.concatenate([[0.0], np.cumsum(steps)])
         k = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, None)

@@ -69,7 +69,6 @@ class Simulation:
         self.gravity: tuple[float, float, float] = (gx, gy, gz)
         self.engine = make_engine(engine or session.engine, threads or session.threads)
         self.state: Assembly = assemble(model)
-        self.start_positions: Floats = self.state.particles["x"].copy()
         self.limit: Limit = stability_limit(self.state, self.engine)
         self.dt = self._time_step(dt, safety)
         self.step = 0
@@ -79,8 +78,6 @@ class Simulation:
         self._kinetic_taken, self._kinetic_before = 0.0, 0.0
         program = step_program(self.state, self.gravity, damping if isinstance(damping, Drag) else None)
         self._runner = self.engine.prepare(program)
-        self._energy = energy_program(self.state)
-        self._energy_runner: Any = None
         self._interrupted = False
         self._observers: list[Callable[[Simulation], None]] = []
         self._evaluate()
@@ -290,7 +287,7 @@ class Simulation:
             raise InputError("interface needs joints (Model.join), these are bonds.")
         arrays, p = self.state.bonds[self.state.blocks[number].name], self.state.particles
         i, j = (Pose(tuple(p["x"][:, arrays[end]]), tuple(p["q"][:, arrays[end]])) for end in "ij")
-        reference = Reference(tuple(arrays["r0"]), tuple(arrays["normal"]))
+        reference = Reference(tuple(self.state.chord(arrays)), tuple(arrays["normal"]))
         stretch = on_arrays(self.state.element(number).stretch)(on_arrays(relative_pose)(i, j), reference)
         slip, tau = np.empty(len(joints.pairs)), np.empty(len(joints.pairs))
         slip[self.state.bond_order[number]] = np.sqrt(sum(c * c for c in stretch.slip))
@@ -305,12 +302,10 @@ class Simulation:
 
     def bond_energy(self) -> Floats:
         """Return the elastic energy of every bond in memory order (bonds,) [J]."""
-        if not self.state.blocks:
-            return np.zeros(0)
-        if self._energy_runner is None:
-            self._energy_runner = self.engine.prepare(self._energy)
-        self._energy_runner.advance(1, 0.0, {})
-        return self._energy.shared["energy"]
+        program = energy_program(self.state)
+        if self.state.blocks:
+            self.engine.prepare(program).advance(1, 0.0, {})
+        return program.shared["energy"]
 
     @property
     def bond_count(self) -> int:
@@ -344,4 +339,4 @@ class Simulation:
     def mean_displacement(self, where: Selection) -> Floats:
         """Return the mean displacement of a selection since the start (3,) [m]."""
         at = self.state.position[where.indices]
-        return (self.state.particles["x"][:, at] - self.start_positions[:, at]).mean(axis=1)
+        return (self.state.particles["x"][:, at] - self.state.particles["start"][:, at]).mean(axis=1)

@@ -81,7 +81,7 @@ def stiffest_particle(done: Assembly, scale: Floats) -> int:
     displacement, rotation = np.zeros(n), np.zeros(n)
     for arrays in done.bonds.values():
         kn, ks, kt, kb = (arrays[k] for k in ("kn", "ks", "kt", "kb"))
-        lever = 0.5 * ks * (arrays["r0"] ** 2).sum(axis=0)  # shear over half the length, in two planes
+        lever = 0.5 * ks * (done.chord(arrays) ** 2).sum(axis=0)  # shear over half the length, in two planes
         for end in (arrays["i"], arrays["j"]):
             displacement += np.bincount(end, np.broadcast_to(kn + 2.0 * ks, len(end)), minlength=n)
             rotation += np.bincount(end, kt + 2.0 * kb + lever, minlength=n)

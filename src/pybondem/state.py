@@ -24,6 +24,7 @@ class Field(NamedTuple):
 
 PARTICLE_FIELDS = (
     Field("x", 3, np.float64, "m", "position of the centre"),
+    Field("start", 3, np.float64, "m", "position when the bonds were made"),
     Field("q", 4, np.float64, "-", "orientation, unit quaternion (scalar first), body to global"),
     Field("v", 3, np.float64, "m/s", "velocity"),
     Field("w", 3, np.float64, "rad/s", "spin, global axes"),
@@ -44,7 +45,6 @@ PARTICLE_FIELDS = (
 BOND_FIELDS = (
     Field("i", 1, np.uint32, "-", "first end"),
     Field("j", 1, np.uint32, "-", "second end"),
-    Field("r0", 3, np.float64, "m", "chord from i to j when the bond was made"),
     Field("normal", 3, np.float64, "-", "unit normal of the interface (joints)"),
     Field("kn", 1, np.float64, "N/m", "normal stiffness"),
     Field("ks", 1, np.float64, "N/m", "shear stiffness"),
@@ -62,6 +62,8 @@ BOND_FIELDS = (
     Field("potential", 1, np.float64, "J", "energy of the modes open to damage, as if undamaged"),
     Field("lost", 1, np.float64, "J", "energy that damage has dissipated"),
 )
+
+CHORD = "r0"  # chord from i to j when the bond was made [m]: not stored, read as start.j - start.i
 
 # One row for each bond of every block, in the order of the blocks: force on i, torque on i, torque on j.
 LOAD = Field("load", 9, np.float64, "N, N m", "force on i (3), torque on i (3), torque on j (3)")

@@ -12,6 +12,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import eigvalsh
+from scipy.optimize import brentq
 from scipy.sparse import coo_array, csc_array, diags_array, eye_array
 from scipy.sparse.linalg import splu
 
@@ -107,12 +108,12 @@ class Lattice:
         at = np.repeat(dof, 12, axis=1).ravel(), np.tile(dof, (1, 12)).ravel()
         return csc_array(coo_array((elements.ravel(), at), shape=(6 * len(self.x), 6 * len(self.x))))
 
-    def solve(self, held: dict[int, float]) -> tuple[Floats, Floats]:
-        """Return displacements and rotations (n, 6), and the forces and torques (n, 6) that hold them there.
+    def solve(self, held: dict[int, float], load: Floats | None = None) -> tuple[Floats, Floats]:
+        """Return displacements and rotations (n, 6), and the forces and torques (n, 6) that keep them there.
 
-        held: value [m or rad] of each held degree of freedom (see `dofs`). Motions that cost nothing, a grain that can
-        spin, are kept at rest by weak springs, whose effect iteration takes out again. Raises ArithmeticError where a
-        load is left on what is free.
+        held: value [m or rad] of each held degree of freedom (see `held`); load (n, 6): forces and torques on the
+        others. Motions that cost nothing, a grain that can spin, are kept at rest by weak springs, whose effect
+        iteration takes out again. Raises ArithmeticError where a load finds no resistance.
         """
         arm = np.linalg.norm(self._span(np.concatenate(self._dofs)[:1, ::6] // 6))  # to measure rotations by arcs
         arcs = np.tile([1.0, 1.0, 1.0, arm, arm, arm], len(self.x))
@@ -121,27 +122,41 @@ class Lattice:
         free = np.setdiff1d(np.arange(len(arcs)), at)
         u = np.zeros(len(arcs))
         u[at] = arcs[at] * np.array(list(held.values()))
-        load, inner = -(K @ u)[free], csc_array(K[free][:, free])
+        put = np.zeros(len(arcs)) if load is None else load.ravel() / arcs
+        wanted, inner = (put - K @ u)[free], csc_array(K[free][:, free])
         weak = 1e-9 * K.diagonal().max() * eye_array(len(free), format="csc")
         factors = splu(csc_array(inner + weak))
         for _ in range(20):
-            left = load - inner @ u[free]
-            if np.linalg.norm(left) <= 1e-12 * np.linalg.norm(load):
+            left = wanted - inner @ u[free]
+            if np.linalg.norm(left) <= 1e-12 * np.linalg.norm(wanted):
                 return (u / arcs).reshape(-1, 6), (arcs * (K @ u)).reshape(-1, 6)
             u[free] += factors.solve(left)
-        raise ArithmeticError(
-            f"{np.linalg.norm(left) / np.linalg.norm(load):.2g} of the load is left on free particles."
-        )
+        raise ArithmeticError(f"{np.linalg.norm(left) / np.linalg.norm(wanted):.2g} of the load finds no resistance.")
 
-    def critical_step(self, mass: Floats, inertia: Floats, held: Iterable[int] = ()) -> float:
-        """Return 2/omega_max [s], the bound of velocity Verlet without damping, by a dense eigenvalue problem.
+    def critical_step(
+        self, mass: Floats, inertia: Floats, fixed: Iterable[int] = (), dashpots: "Lattice | None" = None
+    ) -> float:
+        """Return the largest stable step [s] of velocity Verlet, by dense eigenvalue problems.
 
-        mass [kg], inertia [kg m2] (n,); held: degrees of freedom that do not move.
+        mass [kg], inertia [kg m2] (n,); fixed: degrees of freedom that do not move; dashpots: a lattice whose stiffness
+        is the damping matrix C, which acts on v(t) + dt a(t) at t + dt. The first motion to grow changes sign at every
+        step, u(t) = (-1)^n U: its foreseen velocity is 4 u/dt, so that 4 M U/dt^2 = (K + 4 C/dt) U. For any U the
+        other roots of this scalar equation of motion lie inside the unit circle, hence the bound is that of
+        dt^2 K/4 + dt C < M; without dashpots dt = 2/omega_max.
         """
         body = np.repeat(np.stack([mass, inertia], axis=1), 3, axis=1).ravel()
-        free = np.setdiff1d(np.arange(len(body)), np.array(list(held), int))
-        K = self.stiffness[free][:, free].toarray() / np.sqrt(np.outer(body[free], body[free]))
-        return 2.0 / sqrt(eigvalsh(K, subset_by_index=[len(free) - 1, len(free) - 1])[0])
+        free = np.setdiff1d(np.arange(len(body)), np.array(list(fixed), int))
+        scale = 1.0 / np.sqrt(np.outer(body[free], body[free]))
+
+        def largest(A: Floats) -> float:
+            return float(eigvalsh(A, subset_by_index=[len(free) - 1, len(free) - 1])[0])
+
+        K = scale * self.stiffness[free][:, free].toarray()
+        undamped = 2.0 / sqrt(largest(K))
+        if dashpots is None:
+            return undamped
+        C = scale * dashpots.stiffness[free][:, free].toarray()
+        return float(brentq(lambda dt: largest(dt**2 / 4.0 * K + dt * C) - 1.0, 0.0, undamped, rtol=1e-9, xtol=1e-30))
 
 
 def dofs(particles: ArrayLike, components: str) -> list[int]:

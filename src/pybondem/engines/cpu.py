@@ -12,6 +12,7 @@ import platform
 import sys
 import tempfile
 import warnings
+from functools import cache
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
@@ -82,13 +83,20 @@ def cache_folder() -> Path:
         return Path(tempfile.mkdtemp(prefix="pybondem-"))
 
 
-def fingerprint(loops: Loops) -> str:
-    """Return a key that changes with anything that the compiled code depends on."""
+@cache
+def package_source() -> bytes:
+    """Return a digest of the source that compiled code is made of, as it was when it was first asked for."""
     key = hashlib.sha256()
     package = Path(__file__).parents[1]
     for part in ("ops.py", "program.py", "engines", "physics"):
         for path in sorted((package / part).rglob("*.py")) if (package / part).is_dir() else [package / part]:
             key.update(path.read_bytes())
+    return key.digest()
+
+
+def fingerprint(loops: Loops) -> str:
+    """Return a key that changes with anything that the compiled code depends on."""
+    key = hashlib.sha256(package_source())
     for name, body in loops.bodies.items():
         key.update(name.encode() + _code_of(body, []))
     versions = (numba.__version__, llvm.llvm_version_info, np.__version__, sys.version, platform.machine())

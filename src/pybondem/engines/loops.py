@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pybondem.program import Body, Program, Stage
-from pybondem.state import GROUP_FIELDS, SCHEDULED_FIELDS, Arrays
+from pybondem.state import CHORD, GROUP_FIELDS, SCHEDULED_FIELDS, Arrays
 
 GROUP = {f.name for f in GROUP_FIELDS}
 SCHEDULED = {f.name for f in SCHEDULED_FIELDS}
@@ -89,6 +89,9 @@ class Loops:
         if field == "dt":
             self.arguments[field] = 0.0
             return [field]
+        if field == CHORD:
+            start = self._array("p", self.program.particles, "start")
+            return [f"{start}[{c}, j] - {start}[{c}, i]" for c in range(3)]
         if field in SCHEDULED:
             self.arguments[field] = shared[field]
             row = "step + 1" if stage.after else "step"

@@ -9,7 +9,7 @@ from pybondem import ops
 from pybondem.engines.binding import bind
 from pybondem.engines.loops import GROUP, SCHEDULED
 from pybondem.program import Program, Stage
-from pybondem.state import Arrays
+from pybondem.state import CHORD, Arrays
 
 WORDS = {
     ops.sqrt: np.sqrt,
@@ -58,6 +58,9 @@ class ReferenceRunner:
         if field in SCHEDULED or field in GROUP:
             table = rows[field] if field in SCHEDULED else self._program.shared[field]
             return tuple(table[:, self._program.particles["group"]])
+        if field == CHORD:
+            start, bonds = self._program.particles["start"], self._program.bonds[stage.over]
+            return tuple(start[:, bonds["j"]] - start[:, bonds["i"]])
         if end:
             return tuple(self._program.particles[field][:, self._program.bonds[stage.over][end]])
         value = self._home(stage)[field]
