@@ -144,8 +144,18 @@ def bilinear(slip_peak: ArrayLike, slip_end: ArrayLike, stiffness: float | None 
     G_f = tau_max slip_end / 2. Raises InputError unless 0 < slip_peak < slip_end.
     """
     peak, end = _positive("slip_peak of bilinear", slip_peak, "m"), _positive("slip_end of bilinear", slip_end, "m")
-    if np.any(np.asarray(end) <= np.asarray(peak)):
-        raise InputError(f"slip_end of bilinear must exceed slip_peak; got slip_peak {peak} m, slip_end {end} m.")
+    if np.ndim(peak) == np.ndim(end) == 1 and np.size(peak) != np.size(end):
+        sizes = f"{np.size(peak)} and {np.size(end)}"
+        raise InputError(
+            f"slip_peak and slip_end of bilinear have {sizes} values; give as many of one as of the other."
+        )
+    low, high = np.broadcast_arrays(peak, end)
+    if np.any(high <= low):
+        k = int(np.argmax(high <= low))
+        which = f"[{k}]" if high.ndim else ""
+        raise InputError(
+            f"slip_end of bilinear{which} is {high.flat[k]:g} m; it must exceed slip_peak, {low.flat[k]:g} m."
+        )
     if stiffness is not None:
         stiffness = positive("stiffness of bilinear", stiffness, "Pa/m")
     return DamageLaw(bilinear_damage, BilinearParameters(peak, end), BilinearMemory, stiffness)

@@ -100,6 +100,8 @@ def strain(first: Selection, second: Selection, axis: str) -> Measure:
 
     def evaluate(sim: Running) -> tuple[float]:
         apart = sim.model.x[second.indices, c].mean() - sim.model.x[first.indices, c].mean()
+        if apart == 0.0:
+            raise InputError(f"strain along {axis} of {first!r} and {second!r}: their means are at the same {axis}.")
         return (float((sim.mean_displacement(second)[c] - sim.mean_displacement(first)[c]) / apart),)
 
     return Measure({"": "1"}, evaluate)

@@ -11,7 +11,7 @@ from pybondem.bonds import Bond, Joint
 from pybondem.boundaries import COMPONENTS, ZERO, Boundaries, Condition, Kind
 from pybondem.check import choice, finite_array, nearest, nonnegative, positive, positive_array
 from pybondem.errors import InputError, SelectionError
-from pybondem.neighbours import pairs_within
+from pybondem.neighbours import pairs_within, same_place
 from pybondem.packing import Particles, Shape
 from pybondem.schedules import Prescribed, Schedule, as_schedule
 
@@ -23,9 +23,10 @@ Limits = tuple[float | None, float | None]  # low and high, None for no limit
 class Selection:
     """Some particles of a model: `indices`, ascending. Combine with & (both), | (either), - (without)."""
 
-    def __init__(self, indices: Ints, name: str) -> None:
+    def __init__(self, indices: Ints, name: str, owner: object) -> None:
         self.indices = indices
         self.name = name
+        self.owner = owner  # the model's own mark: indices mean nothing in another model
 
     def __len__(self) -> int:
         return len(self.indices)
@@ -34,13 +35,13 @@ class Selection:
         return f"<{self.name}: {len(self)} particles>"
 
     def __and__(self, other: "Selection") -> "Selection":
-        return Selection(np.intersect1d(self.indices, other.indices), f"({self.name} & {other.name})")
+        return Selection(np.intersect1d(self.indices, other.indices), f"({self.name} & {other.name})", self.owner)
 
     def __or__(self, other: "Selection") -> "Selection":
-        return Selection(np.union1d(self.indices, other.indices), f"({self.name} | {other.name})")
+        return Selection(np.union1d(self.indices, other.indices), f"({self.name} | {other.name})", self.owner)
 
     def __sub__(self, other: "Selection") -> "Selection":
-        return Selection(np.setdiff1d(self.indices, other.indices), f"({self.name} - {other.name})")
+        return Selection(np.setdiff1d(self.indices, other.indices), f"({self.name} - {other.name})", self.owner)
 
 
 class BondSet(NamedTuple):
@@ -67,6 +68,7 @@ class Model:
         self.parts: list[str] = []
         self.bonds: list[BondSet] = []
         self.boundaries = Boundaries()
+        self._mark = object()
         if particles is not None:
             if density is None:
                 raise InputError("Model needs a density [kg/m3] for its particles: Model(particles, density=2500.0).")
@@ -80,20 +82,27 @@ class Model:
     def add(self, particles: Particles, name: str, density: float) -> Selection:
         """Add a part: its particles, a new name, density [kg/m3]; returns its particles.
 
-        Raises InputError for a name that is taken or a density that is not positive.
+        Raises InputError for a name that is taken, a density that is not positive, a particle without finite mass, or
+        one at the very place of another.
         """
         if not isinstance(particles, Particles):
             raise InputError(f"part {name!r} needs Particles (see pybondem.packing), got {type(particles).__name__}.")
         if name in self.parts:
             raise InputError(f"part {name!r} is there already; give each part a name of its own.")
         density = positive(f"density of part {name!r}", density, "kg/m3")
+        check_mass(name, particles, density)
         first = len(self)
-        self.x = np.concatenate([self.x, particles.x])
+        everywhere = np.concatenate([self.x, particles.x])
+        twins = same_place(everywhere, float(particles.radius.min(initial=np.inf)))
+        if twins is not None:
+            other = f"{twins[0] - first} of the same part" if twins[0] >= first else f"{twins[0]} of the model"
+            raise InputError(f"particle {twins[1] - first} of part {name!r} is at the same place as particle {other}.")
+        self.x = everywhere
         self.radius = np.concatenate([self.radius, particles.radius])
         self.density = np.concatenate([self.density, np.full(len(particles), density)])
         self.part_of = np.concatenate([self.part_of, np.full(len(particles), len(self.parts), np.int32)])
         self.parts.append(name)
-        return Selection(np.arange(first, len(self)), name)
+        return Selection(np.arange(first, len(self)), name, self._mark)
 
     @property
     def mass(self) -> Floats:
@@ -107,7 +116,7 @@ class Model:
 
     def part(self, name: str) -> Selection:
         """Return the particles of a part; raises SelectionError with the nearest names where there is none."""
-        return Selection(np.flatnonzero(self._is_of(name)), name)
+        return Selection(np.flatnonzero(self._is_of(name)), name, self._mark)
 
     def _is_of(self, part: str) -> NDArray[np.bool_]:
         """Return whether each particle is of a part (n,)."""
@@ -135,26 +144,28 @@ class Model:
             mask &= self._is_of(part)
             said.append(f"part {part!r}")
         if inside is not None:
+            if not isinstance(inside, Shape):
+                raise InputError(f"inside of where is {inside!r}; give a shape: Box, Cylinder, Sphere.")
             mask &= inside.contains(self.x)
             said.append("the shape")
         name = " and ".join(said) or "all"
         if not mask.any():
             span = ", ".join(f"{a} from {lo:g} to {hi:g} m" for a, lo, hi in zip("xyz", *self._span(), strict=False))
             raise SelectionError(f"no particle lies within {name}; the model spans {span}.")
-        return Selection(np.flatnonzero(mask), name)
+        return Selection(np.flatnonzero(mask), name, self._mark)
 
     def select(self, particles: ArrayLike) -> Selection:
         """Return the particles with the given indices, or where the given mask (n,) is true.
 
         Raises InputError for another shape or an index out of range, SelectionError where nothing is selected.
         """
-        array = np.asarray(particles)
+        array = _plain_array("selection", particles)
         indices = np.flatnonzero(array) if array.dtype == bool else _indices("selection", array, len(self))
         if array.dtype == bool and array.shape != (len(self),):
             raise InputError(f"the mask has shape {array.shape}; it must be ({len(self)},), one value per particle.")
         if len(indices) == 0:
             raise SelectionError("the selection is empty.")
-        return Selection(np.unique(indices), "selection")
+        return Selection(np.unique(indices), "selection", self._mark)
 
     def _span(self) -> tuple[Floats, Floats]:
         return (self.x.min(axis=0), self.x.max(axis=0)) if len(self) else (np.empty(0), np.empty(0))
@@ -207,7 +218,7 @@ class Model:
         return self._add(BondSet(checked, joint, N / size[:, None], A))
 
     def _pairs(self, pairs: ArrayLike) -> NDArray[np.int32]:
-        array = np.asarray(pairs)
+        array = _plain_array("bond pairs", pairs)
         if array.size == 0:
             return np.empty((0, 2), np.int32)
         if array.ndim != 2 or array.shape[1] != 2:
@@ -267,6 +278,8 @@ class Model:
     def _condition(self, kind: Kind, where: Selection, schedules: dict[str, Schedule]) -> None:
         if not isinstance(where, Selection):
             raise InputError(f"{kind} needs a Selection (Model.where, part or select), got {type(where).__name__}.")
+        if where.owner is not self._mark:
+            raise SelectionError(f"{kind} was given {where!r} of another model: this one has {len(self)} particles.")
         if len(where) == 0:
             raise SelectionError(f"{kind} was given {where!r}; the selection is empty.")
         if not schedules:
@@ -284,11 +297,29 @@ def _given(kind: Kind, values: tuple[Prescribed | None, ...], names: tuple[str, 
     }
 
 
+def check_mass(name: str, particles: Particles, density: float) -> None:
+    """Raise InputError where a particle has no mass or inertia, or no finite one; density [kg/m3]."""
+    with np.errstate(over="ignore", under="ignore"):
+        mass = 4.0 / 3.0 * np.pi * particles.radius**3 * density
+        inertia = 0.4 * mass * particles.radius**2
+    for what, values, unit in (("mass", mass, "kg"), ("inertia", inertia, "kg m2")):
+        bad = ~(np.isfinite(values) & (values > 0.0))
+        if np.any(bad):
+            k = int(np.argmax(bad))
+            raise InputError(
+                f"particle {k} of part {name!r}, of radius {particles.radius[k]:g} m, has a {what} of {values[k]:g} "
+                f"{unit}; it must be positive and finite."
+            )
+
+
 def _limits(axis: str, limits: Any) -> tuple[float, float]:
     if not isinstance(limits, tuple | list) or len(limits) != 2:
         raise InputError(f"{axis} of where is {limits!r}; give (low, high) in metres, None for no limit.")
-    low = -np.inf if limits[0] is None else float(limits[0])
-    high = np.inf if limits[1] is None else float(limits[1])
+    try:
+        low = -np.inf if limits[0] is None else float(limits[0])
+        high = np.inf if limits[1] is None else float(limits[1])
+    except (TypeError, ValueError):
+        raise InputError(f"{axis} of where is {limits!r}; give (low, high) in metres, None for no limit.") from None
     if not low <= high:
         raise InputError(f"{axis} of where is ({low:g}, {high:g}); low must not exceed high.")
     return low, high
@@ -305,3 +336,13 @@ def _indices(name: str, array: NDArray[Any], n: int) -> Ints:
         k = np.argwhere(bad)[0]
         raise InputError(f"{name} {k[0]} names particle {array[tuple(k)]}; indices run from 0 to {n - 1}.")
     return array.astype(np.int64)
+
+
+def _plain_array(name: str, value: object) -> NDArray[Any]:
+    """Return value as an array; raises InputError for masked arrays and rows of different lengths."""
+    if isinstance(value, np.ma.MaskedArray):
+        raise InputError(f"{name} is a masked array; fill or drop its masked values first.")
+    try:
+        return np.asarray(value)
+    except ValueError:
+        raise InputError(f"{name} has rows of different lengths.") from None

@@ -23,6 +23,14 @@ def pairs_within(x: Floats, radius: Floats, gap: float) -> Ints:
     return pairs[np.argsort(pairs[:, 0] * len(x) + pairs[:, 1], kind="stable")]
 
 
+def same_place(x: Floats, radius: float) -> tuple[int, int] | None:
+    """Return the first two particles whose centres are within 1e-9 radius [m] of one another, lower index first."""
+    if len(x) < 2:
+        return None
+    pairs = cKDTree(x).query_pairs(1e-9 * radius, output_type="ndarray")
+    return None if len(pairs) == 0 else (int(pairs[0].min()), int(pairs[0].max()))
+
+
 def memory_order(x: Floats, radius: Floats) -> Ints:
     """Return the order in which particles are kept: slab by slab along the longest side, row by row in a slab.
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pybondem.assembly import Assembly, Drag, assemble, energy_program, step_program
-from pybondem.check import choice, fraction, nonnegative, positive, vector, whole_number
+from pybondem.check import choice, finite_array, fraction, nonnegative, positive, vector, whole_number
 from pybondem.damping import Kinetic
 from pybondem.energies import Energies, energies, leapfrog_kinetic
 from pybondem.engines.choose import make_engine
@@ -62,12 +62,14 @@ class Simulation:
     def __init__(self, model: Model, *, engine: str | None = None, dt: float | None = None, safety: float = 0.3,
                  damping: Drag | Kinetic | None = None, gravity: ArrayLike = (0.0, 0.0, 0.0),
                  threads: int | None = None) -> None:  # fmt: skip
+        if not isinstance(model, Model):
+            raise InputError(f"Simulation needs a Model, got {type(model).__name__}.")
         if damping is not None and not isinstance(damping, Drag | Kinetic):
             raise InputError(f"damping is {damping!r}; give local(...), viscous(...), kinetic(...) or None.")
         self.model = model
         gx, gy, gz = vector("gravity", gravity).tolist()
         self.gravity: tuple[float, float, float] = (gx, gy, gz)
-        self.engine = make_engine(engine or session.engine, threads or session.threads)
+        self.engine = make_engine(engine or session.engine, session.threads if threads is None else threads)
         self.state: Assembly = assemble(model)
         self.limit: Limit = stability_limit(self.state, self.engine)
         self.dt = self._time_step(dt, safety)
@@ -192,7 +194,7 @@ class Simulation:
                 f"the motion is not finite any more at step {self.step} (t = {self.time:.4g} s), first at particle "
                 f"{self.state.order[bad].min()} of {bad.sum()}; lower dt ({self.dt:.3g} s) or look at its bonds."
             )
-        if self._kinetic:
+        if self._kinetic and self.step % self._kinetic.every == 0:
             self._stop_at_peak()
 
     def _stop_at_peak(self) -> None:
@@ -208,7 +210,8 @@ class Simulation:
 
     def _evaluate(self) -> None:
         """Evaluate the loads where the model stands (a step of no length), and start the energy book afresh."""
-        self._runner.advance(1, 0.0, self.state.tables.schedule(self.step, 1, self.dt))
+        now = self.state.tables.schedule(self.step, 0, self.dt)
+        self._runner.advance(1, 0.0, {name: np.concatenate([row, row]) for name, row in now.items()})
         self._at_start = 0.0
         self._at_start = self.energies.residual
 
@@ -242,21 +245,23 @@ class Simulation:
         return SimpleNamespace(**fields)
 
     @contextmanager
-    def edit(self, name: str) -> Iterator[Floats]:
-        """Change a particle field in place: `with sim.edit("v") as v: v[:] = ...`; one of x, q, v, w, in model order.
+    def edit(self, *names: str) -> Iterator[Any]:
+        """Change particle fields in place, in model order: `with sim.edit("v") as v: v[:] = ...`.
 
-        The energy book starts afresh. Raises InputError for another name, a value that is not finite, or q not of
-        unit length.
+        names: one or several of x, q, v, w; several come as a tuple: `with sim.edit("v", "w") as (v, w)`. The energy
+        book starts afresh. Raises InputError for another name, a value that is not finite, or q not of unit length;
+        nothing is changed then.
         """
-        choice("field to edit", name, EDITABLE)
-        values = self.state.particles[name].T[self.state.position]
-        yield values
-        if not np.isfinite(values).all():
-            bad = np.argwhere(~np.isfinite(values))[0]
-            raise InputError(f"{name}{bad.tolist()} was set to {values[tuple(bad)]}; it must be finite.")
-        if name == "q" and np.abs(np.linalg.norm(values, axis=1) - 1.0).max() > 1e-9:
-            raise InputError("q was set to quaternions that are not of unit length.")
-        self.state.particles[name][:] = values[self.state.order].T
+        for name in names:
+            choice("field to edit", name, EDITABLE)
+        fields = {name: self.state.particles[name].T[self.state.position] for name in names}
+        yield next(iter(fields.values())) if len(names) == 1 else tuple(fields.values())
+        for name, values in fields.items():
+            finite_array(name, values, values.shape)
+            if name == "q" and np.abs(np.linalg.norm(values, axis=1) - 1.0).max() > 1e-9:
+                raise InputError("q was set to quaternions that are not of unit length.")
+        for name, values in fields.items():
+            self.state.particles[name][:] = values[self.state.order].T
         self._evaluate()
 
     def bonds(self, bonds: BondSet) -> SimpleNamespace:

@@ -122,7 +122,7 @@ def test_a_pair_with_a_dashpot_has_the_limit_of_one_oscillator(zeta):
 # Random clouds --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(10))
 def test_the_limit_is_that_of_the_dense_eigenvalue_problem(seed):
     case = cloud(seed, fix=seed % 2 == 0)
     limit = bd.Simulation(case.model, engine="reference").limit
@@ -147,16 +147,15 @@ def test_dashpots_lower_the_limit_at_least_as_far_as_they_must(seed, zeta):
     assert limit > (0.5 if zeta == 0.02 else 0.1) * true  # the slowest dashpot is taken to act on the fastest mode
 
 
-@pytest.mark.parametrize("zeta", [0.0, 0.3])
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize(("seed", "zeta"), [(0, 0.0), (1, 0.3)])
 def test_runs_stay_bounded_below_the_limit_and_blow_up_above_it(seed, zeta):
     case = cloud(seed, zeta, spread=0.2, fix=seed % 2 == 0)
     limit, true = bd.Simulation(case.model, engine="reference").limit.dt, case.critical_step
-    assert growth(case.model, 0.99 * limit, 800) < 3.0
-    assert growth(case.model, 0.99 * true, 800) < 3.0
-    assert growth(case.model, 1.05 * true, 800) > 1e6
+    assert growth(case.model, 0.99 * limit, 500) < 3.0
+    assert growth(case.model, 0.99 * true, 500) < 3.0
+    assert growth(case.model, 1.05 * true, 500) > 1e6
     if zeta == 0.0:
-        assert growth(case.model, 1.05 * limit, 800) > 1e6
+        assert growth(case.model, 1.05 * limit, 500) > 1e6
 
 
 def test_held_and_unbonded_particles_set_no_limit():

@@ -376,6 +376,14 @@ def test_turned_is_the_exponential_and_can_be_undone(rotation, axis, angle):
 
 
 @quick
+@given(rotation=turns(pi), w=vectors(), error=numbers(-1e-5, 1e-5))
+def test_turned_brings_a_quaternion_back_to_unit_length(rotation, w, error):
+    """One Newton step: what the length is off by is squared."""
+    q = tuple((1.0 + error) * c for c in quaternion(rotation))
+    assert np.linalg.norm(motion.turned(q, w, 0.1)) == pytest.approx(1.0, abs=2.0 * error**2 + 4e-16)
+
+
+@quick
 @given(v=vectors(), force=vectors(), mass=numbers(0.5, 2.0), dt=numbers(0.0, 0.1))
 def test_one_kick_and_one_drift(v, force, mass, dt):
     assert motion.kicked(v, force, mass, dt) == pytest.approx(np.array(v) + dt * np.array(force) / mass, abs=1e-15)

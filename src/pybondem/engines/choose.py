@@ -2,6 +2,7 @@
 
 from pybondem.check import choice
 from pybondem.engines.base import Engine
+from pybondem.errors import InputError
 
 ENGINES = ("cpu", "reference", "interpreted")
 
@@ -19,4 +20,6 @@ def make_engine(name: str, threads: int | None = None) -> Engine:
         return Interpreted()
     from pybondem.engines.cpu import Cpu
 
+    if threads is not None and not isinstance(threads, int):
+        raise InputError(f"threads is {threads!r}; it must be a whole number.")
     return Cpu(threads)
