@@ -31,7 +31,8 @@ class Energies(NamedTuple):
     strain: elastic energy of the bonds, damage frozen; gravity: potential of the weight, 0 at the start;
     damage: dissipated by damage and breakage; dashpots: by the dashpots in the bonds; drag: by local, global or kinetic
     damping; work: done on the model by drives and pushes; residual: kinetic + strain + gravity + damage + dashpots +
-    drag - work, less its value at the start.
+    drag - work, less its value at the start. It closes to round-off for small strains; dashpots, which act on the
+    foreseen velocity, are booked to second order in the step.
     """
 
     kinetic: float

@@ -168,10 +168,8 @@ class Simulation:
         return None if time is None else round(nonnegative("time", time, "s") / self.dt)
 
     def _steps_to_record(self) -> int:
-        ahead = [r.every - self.step % r.every for r in self.records]
-        if self._kinetic:
-            ahead.append(self._kinetic.every)
-        return min(ahead, default=MOST_STEPS)
+        every = [r.every for r in self.records] + ([self._kinetic.every] if self._kinetic else [])
+        return min((k - self.step % k for k in every), default=MOST_STEPS)
 
     def _take_records(self) -> bool:
         due = [r for r in self.records if self.step % r.every == 0]

@@ -1,9 +1,12 @@
 """The geometry of a cylindrical interface: which pairs cross it, its normals, and the area each pair stands for."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 import pybondem as bd
@@ -19,7 +22,9 @@ AXES = [
 ]
 
 
-def fibre_in_matrix(along=(0.0, 0.0, 1.0), base=(0.0, 0.0, 0.0), shake=0.0):
+def fibre_in_matrix(
+    along: ArrayLike = (0.0, 0.0, 1.0), base: ArrayLike = (0.0, 0.0, 0.0), shake: float = 0.0
+) -> bd.Model:
     """Return a model of a fibre, longer than the matrix around it, both cut from one packing, turned and shifted."""
     inside = {
         "fibre": bd.Cylinder(RADIUS, 1.3 * LENGTH),
@@ -35,8 +40,9 @@ def fibre_in_matrix(along=(0.0, 0.0, 1.0), base=(0.0, 0.0, 0.0), shake=0.0):
     return model
 
 
-def unit(axis):
-    return np.eye(3)["xyz".index(axis)] if isinstance(axis, str) else np.asarray(axis) / np.linalg.norm(axis)
+def unit(axis: str | ArrayLike) -> NDArray[np.float64]:
+    given = np.eye(3)["xyz".index(axis)] if isinstance(axis, str) else np.asarray(axis, float)
+    return np.asarray(given / np.linalg.norm(given))
 
 
 # The whole interface --------------------------------------------------------------------------------------------
@@ -44,7 +50,7 @@ def unit(axis):
 
 @pytest.mark.parametrize(("axis", "base"), AXES)
 @pytest.mark.parametrize("shake", [0.0, 0.05])
-def test_normals_are_radial_and_areas_fill_the_cylinder(axis, base, shake):
+def test_normals_are_radial_and_areas_fill_the_cylinder(axis: Any, base: Any, shake: float) -> None:
     model = fibre_in_matrix(unit(axis), base, shake)
     found = cylindrical(model, "fibre", "matrix", radius=RADIUS, length=LENGTH, axis=axis, base=base, gap=0.15)
     assert found.area.min() > 0.0
@@ -59,7 +65,7 @@ def test_normals_are_radial_and_areas_fill_the_cylinder(axis, base, shake):
 
 
 @pytest.mark.parametrize(("axis", "base"), AXES)
-def test_it_is_made_of_the_pairs_that_cross_within_its_length(axis, base):
+def test_it_is_made_of_the_pairs_that_cross_within_its_length(axis: Any, base: Any) -> None:
     model = fibre_in_matrix(unit(axis), base)
     found = cylindrical(model, "fibre", "matrix", radius=RADIUS, length=LENGTH, axis=axis, base=base)
     distance = np.linalg.norm(model.x[:, None] - model.x[None], axis=2)
@@ -71,7 +77,7 @@ def test_it_is_made_of_the_pairs_that_cross_within_its_length(axis, base):
 
 
 @pytest.mark.parametrize(("axis", "base"), AXES[1:])
-def test_it_does_not_depend_on_where_it_points(axis, base):
+def test_it_does_not_depend_on_where_it_points(axis: Any, base: Any) -> None:
     upright = cylindrical(fibre_in_matrix(), "fibre", "matrix", radius=RADIUS, length=LENGTH, axis="z")
     found = cylindrical(
         fibre_in_matrix(unit(axis), base), "fibre", "matrix", radius=RADIUS, length=LENGTH, axis=axis, base=base
@@ -82,7 +88,7 @@ def test_it_does_not_depend_on_where_it_points(axis, base):
     np.testing.assert_allclose(found.area, upright.area, rtol=1e-9)
 
 
-def test_the_axis_may_have_any_length():
+def test_the_axis_may_have_any_length() -> None:
     model = fibre_in_matrix()
     one, other = (
         cylindrical(model, "fibre", "matrix", radius=RADIUS, length=LENGTH, axis=axis) for axis in ("z", (0, 0, 3e-7))
@@ -99,7 +105,7 @@ def test_the_axis_may_have_any_length():
     st.lists(st.integers(0, 2000), min_size=1, max_size=40),
     st.floats(1e-3, 1e3),
 )
-def test_stretches_fill_the_length_and_go_to_the_nearest(steps, length):
+def test_stretches_fill_the_length_and_go_to_the_nearest(steps: list[int], length: float) -> None:
     height = np.array(steps) / 2000.0 * length
     share = stretches(height, length)
     assert share.shape == height.shape
@@ -115,7 +121,7 @@ def test_stretches_fill_the_length_and_go_to_the_nearest(steps, length):
         assert mine.sum() == pytest.approx(n / 100_000 * length, abs=3e-5 * length)
 
 
-def test_heights_that_differ_by_round_off_share_a_stretch():
+def test_heights_that_differ_by_round_off_share_a_stretch() -> None:
     share = stretches(np.array([0.0, 2.0, 2.0 + 1e-13, 2.0 - 1e-13, 5.0]), 6.0)
     np.testing.assert_allclose(share, [1.0, 2.5 / 3, 2.5 / 3, 2.5 / 3, 2.5], rtol=1e-5)
 
@@ -136,19 +142,19 @@ def test_heights_that_differ_by_round_off_share_a_stretch():
         ({"gap": -0.1}, "gap of touching"),
     ],
 )
-def test_what_makes_no_interface_is_refused(arguments, says):
-    good = {"inner": "fibre", "outer": "matrix", "radius": RADIUS, "length": LENGTH, "axis": "z"}
+def test_what_makes_no_interface_is_refused(arguments: dict[str, Any], says: str) -> None:
+    good: dict[str, Any] = {"inner": "fibre", "outer": "matrix", "radius": RADIUS, "length": LENGTH, "axis": "z"}
     with pytest.raises(InputError, match=says):
         cylindrical(fibre_in_matrix(), **good | arguments)
 
 
 @pytest.mark.xfail(strict=True, reason="a part is taken for its own surroundings")
-def test_an_interface_of_a_part_with_itself_is_refused():
+def test_an_interface_of_a_part_with_itself_is_refused() -> None:
     with pytest.raises(InputError, match="fibre"):
         cylindrical(fibre_in_matrix(), "fibre", "fibre", radius=RADIUS, length=LENGTH, axis="z")
 
 
-def test_a_pair_on_the_axis_has_no_normal():
+def test_a_pair_on_the_axis_has_no_normal() -> None:
     model = bd.Model()
     for name, z in (("fibre", 1.0), ("matrix", 2.0)):
         model.add(bd.packing.Particles([[0.0, 0.0, z]], [0.5]), name=name, density=2500.0)

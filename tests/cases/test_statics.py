@@ -1,6 +1,7 @@
 """Linear statics: against a direct solve of separately assembled matrices, and closed forms of beams and bars."""
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from pybondem.errors import InputError
 from pybondem.statics import axial_stiffness, solve
 
 Floats = NDArray[np.float64]
+Make = Callable[..., tuple[bd.Model, Any]]
 
 
 class Cloud(NamedTuple):
@@ -50,7 +52,8 @@ def cloud(seed: int) -> Cloud:
     lattice.bond(beams, E * A / length, 12.0 * E * I / (length**3 * (1.0 + phi)), 2.0 * G * I / length, E * I / length)
     lattice.join(joined, normal / np.linalg.norm(normal, axis=1)[:, None], 4e10 * area, 1e10 * area)
 
-    prescribed, supports = np.zeros((len(x), 6)), {}
+    prescribed = np.zeros((len(x), 6))
+    supports: dict[int, float] = {}
     for particle in random.choice(len(x), 8, replace=False):
         components = [c for c in COMPONENTS if random.random() < 0.6] or ["x"]
         model.fix(model.select([particle]), components)
@@ -68,11 +71,11 @@ def cloud(seed: int) -> Cloud:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_random_clouds_come_to_the_equilibrium_of_a_direct_solve(seed):
+def test_random_clouds_come_to_the_equilibrium_of_a_direct_solve(seed: int) -> None:
     compare(cloud(seed), "reference")
 
 
-def test_every_engine_comes_to_the_same_equilibrium(engine):
+def test_every_engine_comes_to_the_same_equilibrium(engine: str) -> None:
     compare(cloud(4), engine)
 
 
@@ -87,7 +90,7 @@ def compare(case: Cloud, engine: str) -> None:
         np.testing.assert_allclose(found.force, force[:, :3], atol=1e-7 * np.abs(force[:, :3]).max())
 
 
-def test_loads_on_held_components_change_nothing():
+def test_loads_on_held_components_change_nothing() -> None:
     case = cloud(7)
     anywhere = case.load.copy()
     anywhere.ravel()[list(case.supports)] = 1e6
@@ -95,7 +98,7 @@ def test_loads_on_held_components_change_nothing():
     np.testing.assert_array_equal(loud.displacement, quiet.displacement)
 
 
-def test_a_rigid_motion_of_everything_held_costs_nothing():
+def test_a_rigid_motion_of_everything_held_costs_nothing() -> None:
     case = cloud(5)
     spin, shift = np.array([1e-4, -2e-4, 3e-4]), np.array([1e-5, 0.0, -2e-5])
     model = bd.Model(bd.packing.Particles(case.model.x, case.model.radius), density=2000.0)
@@ -111,7 +114,7 @@ def test_a_rigid_motion_of_everything_held_costs_nothing():
 # Closed forms ---------------------------------------------------------------------------------------------------
 
 
-def test_a_cantilever_bends_like_a_chain_of_short_beams(chain):
+def test_a_cantilever_bends_like_a_chain_of_short_beams(chain: Make) -> None:
     n = 10
     model, _ = chain(n + 1, (1.0, 0.0, 0.0))
     model.fix(model.select([0]))
@@ -132,13 +135,13 @@ def test_a_cantilever_bends_like_a_chain_of_short_beams(chain):
 
 @pytest.mark.parametrize("axis", ["x", "y", "z"])
 @pytest.mark.parametrize("n", [1, 7, 60])
-def test_a_chain_has_the_axial_stiffness_of_its_bonds(axis, n, chain):
+def test_a_chain_has_the_axial_stiffness_of_its_bonds(axis: Any, n: int, chain: Make) -> None:
     model, _ = chain(n + 1, np.eye(3)["xyz".index(axis)])
     stiffness = axial_stiffness(model, model.select([0]), model.select([n]), axis, engine="reference")
     assert stiffness == pytest.approx(DP0.kn * DP0.length, rel=1e-9)
 
 
-def test_unequal_bonds_of_a_chain_add_their_compliances():
+def test_unequal_bonds_of_a_chain_add_their_compliances() -> None:
     kn = np.array([1e6, 3e5, 7e6, 2e6])
     model = bd.Model(bd.packing.line(5, spacing=1e-2, direction=(0, 1, 0), diameter=1e-2), density=2500.0)
     model.bond([[0, 1], [1, 2], [2, 3], [3, 4]], bd.Bond(bd.springs(kn, 0.0)))
@@ -146,7 +149,7 @@ def test_unequal_bonds_of_a_chain_add_their_compliances():
     assert stiffness == pytest.approx(4e-2 / np.sum(1.0 / kn), rel=1e-9)
 
 
-def test_axial_stiffness_leaves_the_model_and_its_supports_alone(chain):
+def test_axial_stiffness_leaves_the_model_and_its_supports_alone(chain: Make) -> None:
     model, _ = chain(4, (0.0, 0.0, 1.0))
     model.fix(model.select([1]))  # of no account: it would halve the length
     before = list(model.boundaries.conditions)
@@ -158,7 +161,7 @@ def test_axial_stiffness_leaves_the_model_and_its_supports_alone(chain):
 # Refusals -------------------------------------------------------------------------------------------------------
 
 
-def test_a_model_that_nothing_holds_is_refused(chain):
+def test_a_model_that_nothing_holds_is_refused(chain: Make) -> None:
     model, _ = chain(3, (1.0, 0.0, 0.0))
     with pytest.raises(InputError, match=r"1 of 1 connected pieces have nothing held.* particle [012];"):
         solve(model, engine="reference")
@@ -167,7 +170,7 @@ def test_a_model_that_nothing_holds_is_refused(chain):
         solve(model, engine="reference")
 
 
-def test_a_loose_piece_is_named():
+def test_a_loose_piece_is_named() -> None:
     model = bd.Model(bd.packing.line(5, spacing=1e-2, direction=(1, 0, 0), diameter=1e-2), density=2500.0)
     model.bond([[0, 1], [3, 4]], bd.Bond(bd.springs(1e6, 1e6)))
     model.fix(model.select([0]))
@@ -176,7 +179,7 @@ def test_a_loose_piece_is_named():
         solve(model, engine="reference")
 
 
-def test_a_load_that_nothing_resists_is_refused(chain):
+def test_a_load_that_nothing_resists_is_refused(chain: Make) -> None:
     model, _ = chain(3, (1.0, 0.0, 0.0))
     model.fix(model.select([0]), "x")
     load = np.zeros((3, 6))
@@ -193,14 +196,14 @@ def test_a_load_that_nothing_resists_is_refused(chain):
         ({"engine": "cup"}, "engine is 'cup'.*did you mean 'cpu'"),
     ],
 )
-def test_bad_arguments_of_solve_are_refused(arrays, says, chain):
+def test_bad_arguments_of_solve_are_refused(arrays: dict[str, Any], says: str, chain: Make) -> None:
     model, _ = chain(3, (1.0, 0.0, 0.0))
     model.fix(model.select([0]))
     with pytest.raises(InputError, match=says):
         solve(model, **{"engine": "reference"} | arrays)
 
 
-def test_an_axis_that_is_none_is_refused(chain):
+def test_an_axis_that_is_none_is_refused(chain: Make) -> None:
     model, _ = chain(3, (1.0, 0.0, 0.0))
     with pytest.raises(InputError, match="axis is 'w'"):
         axial_stiffness(model, model.select([0]), model.select([2]), "w", engine="reference")

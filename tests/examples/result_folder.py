@@ -47,7 +47,8 @@ def read_series(path: Path, step: int = -1) -> Series:
         if os.environ.get("CI"):
             raise  # it is in the test extra: CI without it checks nothing here
         pytest.skip("vtk is not installed: pip install 'pybondem[test]'")
-    reader, complaints = vtkHDFReader(), []
+    reader: Any = vtkHDFReader()
+    complaints: list[str] = []
     for event in ("ErrorEvent", "WarningEvent"):
         reader.AddObserver(event, lambda *_: complaints.append(path.name))
     reader.SetFileName(str(path))

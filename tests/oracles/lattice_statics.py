@@ -8,6 +8,7 @@ by particle: displacements along x, y, z [m], then rotations about x, y, z [rad]
 
 from collections.abc import Iterable
 from math import sqrt
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,7 +18,7 @@ from scipy.sparse import coo_array, csc_array, diags_array, eye_array
 from scipy.sparse.linalg import splu
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+Ints = NDArray[np.integer[Any]]
 COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
 
 

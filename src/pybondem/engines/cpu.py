@@ -83,15 +83,21 @@ def cache_folder() -> Path:
         return Path(tempfile.mkdtemp(prefix="pybondem-"))
 
 
-@cache
 def package_source() -> bytes:
-    """Return a digest of the source that compiled code is made of, as it was when it was first asked for."""
-    key = hashlib.sha256()
+    """Return a digest of the source that compiled code is made of."""
     package = Path(__file__).parents[1]
-    for part in ("ops.py", "program.py", "engines", "physics"):
-        for path in sorted((package / part).rglob("*.py")) if (package / part).is_dir() else [package / part]:
-            key.update(path.read_bytes())
-    return key.digest()
+    files = [
+        package / "ops.py",
+        package / "program.py",
+        *package.glob("engines/*.py"),
+        *package.glob("physics/**/*.py"),
+    ]
+    return _digest(tuple((path, path.stat().st_mtime_ns, path.stat().st_size) for path in sorted(files)))
+
+
+@cache
+def _digest(files: tuple[tuple[Path, int, int], ...]) -> bytes:
+    return hashlib.sha256(b"".join(path.read_bytes() for path, _, _ in files)).digest()
 
 
 def fingerprint(loops: Loops) -> str:
