@@ -202,16 +202,21 @@ class Simulation:
             p, tables = self.state.particles, self.state.tables
             p["v"] *= tables.hold[:, p["group"]]
             p["w"] *= tables.turn_hold[:, p["group"]]
+            self._load()
             self._kinetic_taken += now - leapfrog_kinetic(self)
             now = 0.0
         self._kinetic_before = now
 
     def _evaluate(self) -> None:
-        """Evaluate the loads where the model stands (a step of no length), and start the energy book afresh."""
-        now = self.state.tables.schedule(self.step, 0, self.dt)
-        self._runner.advance(1, 0.0, {name: np.concatenate([row, row]) for name, row in now.items()})
+        """Evaluate the loads where the model stands, and start the energy book afresh."""
+        self._load()
         self._at_start = 0.0
         self._at_start = self.energies.residual
+
+    def _load(self) -> None:
+        """Evaluate the loads where the model stands: a step of no length."""
+        now = self.state.tables.schedule(self.step, 0, self.dt)
+        self._runner.advance(1, 0.0, {name: np.concatenate([row, row]) for name, row in now.items()})
 
     @contextmanager
     def _keyboard(self) -> Iterator[None]:
