@@ -176,7 +176,7 @@ def _values(bonds: BondSet, model: Model) -> dict[str, Any]:
 def step_program(done: Assembly, gravity: tuple[float, float, float], drag: Drag | None) -> Program:
     """Return the program of one time step; gravity (3,) [m/s2]."""
     particles = done.particles
-    particles["gravity"] = gravity
+    particles.update(gravity=gravity, no_push=(0.0, 0.0, 0.0))
     if drag is None:
         start = Stage("particles", pg.start, (*START, *START_REST), STARTED)
         finish = Stage("particles", pg.finish, (*FINISH, *FINISH_REST), FINISHED, after=True)
@@ -187,7 +187,15 @@ def step_program(done: Assembly, gravity: tuple[float, float, float], drag: Drag
         reads, writes = (*FINISH, "dragged", *FINISH_REST, "coefficient"), (*FINISHED, *DRAG, "dragged")
         finish = Stage("particles", pg.finish_dragged(drag.law), reads, writes, after=True)
     stages = (start, *(bond_stage(done, b) for b in range(len(done.blocks))), Stage("gather"), finish)
+    if not any(condition.kind == "push" for condition in done.model.boundaries.conditions):
+        stages = tuple(_without_pushes(stage) for stage in stages)
     return Program(stages, done.blocks, particles, done.bonds, done.shared)
+
+
+def _without_pushes(stage: Stage) -> Stage:
+    """Return a stage that reads no schedule of pushes: a look-up less for every particle in every step."""
+    reads = tuple("no_push" if name in ("push", "push_torque") else name for name in stage.reads)
+    return stage._replace(reads=reads)
 
 
 def bond_stage(done: Assembly, number: int) -> Stage:

@@ -131,8 +131,8 @@ def test_the_limit_is_that_of_the_dense_eigenvalue_problem(seed: int) -> None:
     case = cloud(seed, fix=seed % 2 == 0)
     limit = bd.Simulation(case.model, engine="reference").limit
     true = case.critical_step
-    assert 0.995 * true < limit.dt <= true * (1.0 + 1e-12)
-    assert limit.omega == pytest.approx(2.0 / true, rel=5e-3)
+    assert 0.99 * true < limit.dt <= true * (1.0 + 1e-12)
+    assert limit.omega == pytest.approx(2.0 / true, rel=1e-2)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -163,8 +163,8 @@ def test_held_and_unbonded_particles_set_no_limit() -> None:
     free = bd.Simulation(model, engine="reference").limit.dt
     model.fix(model.select([0]))
     held = bd.Simulation(model, engine="reference").limit.dt
-    assert free == pytest.approx(2.0 / np.sqrt(2.0 * 1e6 / model.mass[0]), rel=5e-3)
-    assert held == pytest.approx(2.0 / np.sqrt(1.0 * 1e6 / model.mass[0]), rel=5e-3)
+    assert free == pytest.approx(2.0 / np.sqrt(2.0 * 1e6 / model.mass[0]), rel=1e-2)
+    assert held == pytest.approx(2.0 / np.sqrt(1.0 * 1e6 / model.mass[0]), rel=1e-2)
     model.fix(model.select([1]))
     assert bd.Simulation(model, engine="reference").limit.dt == np.inf
 
@@ -181,12 +181,11 @@ def test_one_stiff_bond_in_a_long_chain_is_seen(stiffer: float) -> None:
     # its two ends swing against each other, their neighbours less and less, by s = 1/(2 f - 1) from one to the next
     squared = (2.0 * stiffer + 1.0 + 1.0 / (2.0 * stiffer - 1.0)) * 1e6 / model.mass[0]
     limit = bd.Simulation(model, engine="reference").limit
-    assert 0.995 * 2.0 / np.sqrt(squared) < limit.dt <= 2.0 / np.sqrt(squared)
+    assert 0.99 * 2.0 / np.sqrt(squared) < limit.dt <= 2.0 / np.sqrt(squared)
     if stiffer == 4.0:
         assert limit.particle in (137, 138)
 
 
-@pytest.mark.xfail(strict=True, reason="the iteration can settle just below the highest frequency: add a margin")
 def test_one_stiff_bond_in_a_packing_is_seen() -> None:
     model = bd.Model(bd.packing.hcp(1e-3, bd.Cylinder(radius=3e-3, height=10e-3), axis="z"), density=2500.0)
     pairs = model.touching()
