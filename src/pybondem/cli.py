@@ -103,6 +103,9 @@ def run_script(path: Path, output: Path | None, engine: str, threads: int | None
     except KeyboardInterrupt:
         outcome = "stopped by hand"
         raise
+    except SystemExit as end:
+        outcome = "failed" if end.code else "done"
+        raise
     finally:
         for results in opened:
             results.close(outcome)
@@ -118,6 +121,8 @@ def parsed(name: str, values: list[str]) -> dict[str, Any]:
             raise InputError(f"--set needs key=value, got {text!r}.")
         if key not in kinds:
             raise InputError(f"{name} has no value {key!r}{nearest(key, kinds)}; it has {', '.join(kinds)}.")
+        if kinds[key] not in (str, float, float | None):
+            raise InputError(f"{key} of {name} is no number; set it in a script: bd.examples.{name}({key}=...).")
         try:
             result[key] = value if kinds[key] is str else float(value)
         except ValueError:

@@ -34,6 +34,8 @@ def cylindrical(model: Model, inner: str, outer: str, *, radius: float, length: 
     radius, length [m]; gap: see Model.touching. Raises InputError where no pair crosses, or a bond is on the axis.
     """
     radius, length = positive("radius of the interface", radius, "m"), positive("length of the interface", length, "m")
+    if inner == outer:
+        raise InputError(f"inner and outer part of an interface are both {inner!r}; it needs two parts.")
     along, origin = axis_vector("axis", axis), vector("base", base)
     pairs = model.touching(gap=gap, between=(inner, outer))
     middle = 0.5 * (model.x[pairs[:, 0]] + model.x[pairs[:, 1]]) - origin

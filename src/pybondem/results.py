@@ -98,7 +98,7 @@ class Results:
     def close(self, outcome: str = "done") -> None:
         """Write the last frame, figures and summary, close the files, and say what there is."""
         sim = self.sim
-        if sim.step > self._last_frame:
+        if sim.step > self._last_frame and np.isfinite(sim.particles.x).all():
             self.frame()
         self._particles.close()
         self._bonds.close()

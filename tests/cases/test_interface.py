@@ -148,7 +148,6 @@ def test_what_makes_no_interface_is_refused(arguments: dict[str, Any], says: str
         cylindrical(fibre_in_matrix(), **good | arguments)
 
 
-@pytest.mark.xfail(strict=True, reason="a part is taken for its own surroundings")
 def test_an_interface_of_a_part_with_itself_is_refused() -> None:
     with pytest.raises(InputError, match="fibre"):
         cylindrical(fibre_in_matrix(), "fibre", "fibre", radius=RADIUS, length=LENGTH, axis="z")

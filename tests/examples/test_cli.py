@@ -151,7 +151,6 @@ def test_a_script_imports_what_lies_beside_it(command: Command, tmp_path: Path) 
     assert (done.exit_code, done.stdout) == (0, "got 0.002\n")
 
 
-@pytest.mark.xfail(raises=AssertionError, strict=True, reason="every exit counts as a failure")
 def test_a_script_that_exits_well_is_done(command: Command, tmp_path: Path) -> None:
     ends = SPECIMEN + "bd.Simulation(rod).run(steps=5)\nraise SystemExit(0)\n"
     done = command("run", script(tmp_path, ends), "-o", "out", "--engine", "reference")
@@ -265,9 +264,6 @@ def test_an_unstable_step_is_refused_before_anything_is_written(command: Command
 
 
 @pytest.mark.filterwarnings("ignore:overflow", "ignore:invalid value")
-@pytest.mark.xfail(
-    raises=AssertionError, strict=True, reason="the last frame is refused for its positions, which hides what happened"
-)
 def test_a_run_that_blows_up_says_so_and_leaves_what_it_had(command: Command, tmp_path: Path) -> None:
     wild = SPECIMEN.replace("to=0.1", "to=1e300") + PULL.replace("steps=410", "steps=5000")
     done = command("run", script(tmp_path, wild), "-o", "out", "--engine", "reference")
@@ -276,7 +272,6 @@ def test_a_run_that_blows_up_says_so_and_leaves_what_it_had(command: Command, tm
     assert read_summary(tmp_path / "out")["outcome"] == "failed"
 
 
-@pytest.mark.xfail(raises=AssertionError, strict=True, reason="a value that is no number is set to one")
 def test_a_value_that_is_no_number_cannot_be_set(command: Command) -> None:
     done = command("run", "pullout", "-s", "interface=1")
     assert done.exit_code == 2

@@ -381,7 +381,6 @@ def test_grains_too_large_for_the_fibre_are_refused() -> None:
         pullout(diameter=2.0).build()
 
 
-@pytest.mark.xfail(raises=AttributeError, strict=True, reason="the interface is not checked to be a law")
 def test_an_interface_that_is_no_law_is_refused() -> None:
     with pytest.raises(InputError, match="interface of pullout"):
         pullout(interface=1.0)

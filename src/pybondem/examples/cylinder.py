@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 from pybondem.bonds import Bond, springs
 from pybondem.check import fraction, positive
 from pybondem.damping import local
+from pybondem.errors import InputError
 from pybondem.measure import energy, reaction, strain, unbalanced
 from pybondem.model import Model, Selection
+from pybondem.neighbours import pieces
 from pybondem.output.figures import curve_against_theory
 from pybondem.packing import hcp
 from pybondem.packing.shapes import Cylinder as CylinderShape
@@ -63,7 +65,13 @@ class Cylinder:
         """Return the model: bonds in closed form from (E, nu), the lowest layer held, the highest one driven."""
         model = Model(hcp(self.diameter, inside=CylinderShape(self.radius, self.height)), self.density, "cylinder")
         kn, ks = calibrate("hcp", self.E, self.nu, self.diameter)
-        model.bond(model.touching(), Bond(springs(kn, ks)))
+        pairs = model.touching()
+        count, _ = pieces(len(model), pairs[:, 0], pairs[:, 1])
+        if count > 1:
+            raise InputError(
+                f"the cylinder falls into {count} pieces; take particles smaller than {self.diameter:g} m."
+            )
+        model.bond(pairs, Bond(springs(kn, ks)))
         z, half = model.x[:, 2], 0.25 * self.diameter
         bottom, top = model.where(z=(None, z.min() + half)), model.where(z=(z.max() - half, None))
         model.fix(bottom, "x y z")
@@ -78,7 +86,10 @@ class Cylinder:
         """Run the test, write the result folder, and return the measured stiffness with its errors."""
         built = self.build()
         sim = Simulation(built.model, engine=engine, threads=threads, safety=0.5, damping=local(self.damping))
-        every = max(1, round(self.duration / sim.dt / RECORDS))
+        steps = round(self.duration / sim.dt)
+        if steps < RECORDS:
+            raise InputError(f"transits of cylinder is {self.transits}: {steps} steps, too few to measure; take more.")
+        every = max(1, steps // RECORDS)
         record = sim.record(
             every, force=reaction(built.bottom, "z"), strain=strain(built.bottom, built.top, "z"),
             unbalanced=unbalanced(), book=energy(),

@@ -64,7 +64,7 @@ class PullOutSetup:
         nonnegative("free_length of pullout", self.free_length, "m")
         fraction("nu of pullout", self.nu, 0.0, 0.2)
         choice("axis of pullout", self.axis, AXES)
-        if self.interface.stiffness is None:
+        if not isinstance(self.interface, DamageLaw) or self.interface.stiffness is None:
             raise InputError("interface of pullout needs a stiffness per area: bilinear(stiffness=6e7, ...).")
         if self.matrix_radius <= self.fibre_radius + self.fitted_diameter:
             raise InputError(
