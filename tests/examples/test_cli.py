@@ -85,7 +85,7 @@ def test_an_example_runs_with_a_changed_value_into_a_given_folder(tmp_path: Path
 
 
 def test_a_quiet_run_says_only_where_its_results_are(command: Command, tmp_path: Path) -> None:
-    done = command("run", "cylinder", "-s", "diameter=3.5e-3", "-s", "transits=5", "--engine", "reference", "-q")
+    done = command("run", "cylinder", "-s", "diameter=3.5e-3", "-s", "transits=20", "--engine", "reference", "-q")
     assert done.exit_code == 0, done.output
     folder = Path(done.stdout.strip())
     assert folder.parent.name == "runs"
@@ -105,7 +105,7 @@ def test_info_names_engines_and_versions(command: Command) -> None:
     done = command("info")
     assert done.exit_code == 0
     facts = dict(line.split(maxsplit=1) for line in done.stdout.splitlines() if len(line.split()) > 1)
-    assert facts["engines"] == "cpu, reference, interpreted"
+    assert {"cpu", "reference", "interpreted"} <= set(facts["engines"].split(", "))
     assert facts["python"] == sys.version.split()[0]
     assert facts["numpy"] == np.__version__
     assert int(facts["threads"]) >= 1
@@ -220,7 +220,7 @@ def first_break() -> tuple[float, float]:
         (["run", "cylinder", "-s", "nu=0.4"], 2, "nu of cylinder is 0.4; it must lie between 0 and 0.2."),
         (["run", "cylinder", "-s", "E=nan"], 2, "E of cylinder is nan; it must be finite."),
         (["run", "pullout", "-s", "axis=w"], 2, "axis of pullout is 'w'; it must be one of 'x', 'y', 'z'."),
-        (["run", "cylinder", "--engine", "gpu"], 2, "engine is 'gpu'; it must be one of 'cpu', 'reference', 'inter"),
+        (["run", "cylinder", "--engine", "gpu"], 2, "engine is 'gpu'; it must be one of 'cpu', "),
         (["run", "my_case.py", "-s", "diameter=1"], 2, "--set changes values of examples; a script has its own."),
         (["run", "cylinder", "-s", "diameter=3e-3", "--threads", "4096"], 4, "threads is 4096; this machine allows"),
         (["run", "cylinder", "-s", "diameter=3e-3", "--threads", "0"], 4, "threads is 0; this machine allows"),
