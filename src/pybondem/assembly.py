@@ -224,21 +224,29 @@ def reference(bonds: BondSet) -> Reads:
 
 
 def energy_program(done: Assembly) -> Program:
-    """Return the program that evaluates the elastic energy of every bond into shared["energy"] (bonds,) [J]."""
-    total = sum(block.count for block in done.blocks)
-    shared = done.shared | allocate((ENERGY,), {"energy"}, total)
+    """Return the program that evaluates the elastic energy of every bond into "energy" (bonds,) [J].
+
+    That array is put in the place of an empty one at every call: it need not stay.
+    """
+    shared = done.shared | allocate((ENERGY,), {"energy"}, 0)
     bonds = {name: {"damage": 0.0} | arrays for name, arrays in done.bonds.items()}
     stages = _stages(done, pg.energy_body, (POSE_I, POSE_J), ("damage",), "energy")
     return Program(stages, done.blocks, done.particles, bonds, shared)
 
 
-def linear_program(done: Assembly) -> Program:
-    """Return the program of the model's own stiffness: displacements v [m], rotations w [rad] -> forces, torques."""
+def linear_program(done: Assembly, dashpots: bool = False) -> Program:
+    """Return the program of the model's own stiffness: displacements v [m], rotations w [rad] -> forces, torques.
+
+    dashpots: of its dashpots instead: velocities v [m/s], spins w [rad/s] -> forces, torques.
+    """
+    bonds = done.bonds
+    if dashpots:
+        bonds = {name: arrays | {f"k{m}": arrays[f"c{m}"] for m in "nstb"} for name, arrays in bonds.items()}
     particles = allocate(PARTICLE_FIELDS, {"v", "w", "force", "torque"}, len(done.order))
     particles["start"] = done.particles["start"]
     shared = {"load": np.zeros_like(done.shared["load"]), "first": done.shared["first"], "ends": done.shared["ends"]}
     stages = _stages(done, pg.linear_body, (MOTION_I, MOTION_J), (), "load")
-    return Program((*stages, Stage("gather")), done.blocks, particles, done.bonds, shared)
+    return Program((*stages, Stage("gather")), done.blocks, particles, bonds, shared)
 
 
 def _stages(done: Assembly, body: Callable[[Element], Body], ends: Reads, more: Reads, write: str) -> tuple[Stage, ...]:

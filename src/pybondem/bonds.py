@@ -60,6 +60,8 @@ class Bond:
             raise InputError(f"Bond needs an elastic form (parallel, timoshenko, springs ...), got {self.elastic!r}.")
         if self.damage is not None and not isinstance(self.damage, DamageLaw):
             raise InputError(f"The damage of Bond is {self.damage!r}; give a damage law (strength, bilinear) or None.")
+        if self.damage is not None and self.damage.stiffness is not None:
+            raise InputError("the law of Bond brings a stiffness per area, which is for Joint; leave stiffness out.")
         nonnegative("damping of Bond", self.damping, "1")
 
 
@@ -130,7 +132,8 @@ def springs(
 def strength(tension: ArrayLike, shear: ArrayLike, moment_share: float = 1.0) -> DamageLaw:
     """Return brittle strength: tension, shear [Pa], numbers or one value per bond; moment_share beta in [0, 1].
 
-    Potyondy & Cundall (2004) with the moment share of Potyondy (2011). Raises InputError unless positive.
+    Potyondy & Cundall (2004) with the moment share of Potyondy (2011). A broken bond that is pressed together keeps its
+    normal stiffness. Raises InputError unless positive.
     """
     values = (_positive("tension of strength", tension, "Pa"), _positive("shear of strength", shear, "Pa"))
     share = fraction("moment_share of strength", moment_share, 0.0, 1.0)

@@ -14,7 +14,7 @@ class SelectionError(InputError):
 
 
 class EngineError(BondemError, RuntimeError):
-    """An engine is unknown or cannot run on this machine."""
+    """An engine cannot run as asked on this machine."""
 
 
 class UnstableError(BondemError, ArithmeticError):

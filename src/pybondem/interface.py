@@ -58,7 +58,7 @@ def stretches(height: Floats, length: float) -> Floats:
 
     The parts sum to length.
     """
-    rounded = np.round(height / length, 6) * length
-    at, level, count = np.unique(np.clip(rounded, 0.0, length), return_inverse=True, return_counts=True)
+    _, level, count = np.unique(np.round(height / length, 6), return_inverse=True, return_counts=True)
+    at = np.clip(np.bincount(level, height) / count, 0.0, length)
     edges = np.concatenate([[0.0], 0.5 * (at[1:] + at[:-1]), [length]])
     return (np.diff(edges) / count)[level]

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pybondem.check import choice, positive
+from pybondem.check import choice, nearest, positive
 from pybondem.energies import Energies
 from pybondem.errors import InputError, SelectionError
 from pybondem.model import BondSet, Model, Selection
@@ -185,11 +185,14 @@ class Record:
             setattr(self, column_name, column)
 
     def _add(self, name: str, unit: str) -> None:
-        if name in self.columns or not name.isidentifier() or hasattr(Record, name):
+        if name in self.columns or not name.isidentifier() or hasattr(self, name):
             raise InputError(f"a record cannot have a second or reserved column {name!r}; choose another keyword.")
         self.columns[name] = Column(unit)
 
     def __getitem__(self, name: str) -> Column:
+        if name not in self.columns:
+            there_are = ", ".join(self.columns)
+            raise InputError(f"{self.name} has no column {name!r}{nearest(name, self.columns)}; it has {there_are}.")
         return self.columns[name]
 
     def take(self, sim: Running) -> list[float]:

@@ -34,14 +34,25 @@ class Selection:
     def __repr__(self) -> str:
         return f"<{self.name}: {len(self)} particles>"
 
+    def _same_model(self, other: object) -> Ints:
+        """Return the indices of the other selection; raises SelectionError unless it is one of the same model."""
+        if not isinstance(other, Selection) or other.owner is not self.owner:
+            raise SelectionError(f"{self!r} cannot be combined with {other!r}; give a selection of the same model.")
+        return other.indices
+
     def __and__(self, other: "Selection") -> "Selection":
-        return Selection(np.intersect1d(self.indices, other.indices), f"({self.name} & {other.name})", self.owner)
+        return Selection(
+            np.intersect1d(self.indices, self._same_model(other)), f"({self.name} & {other.name})", self.owner
+        )
 
     def __or__(self, other: "Selection") -> "Selection":
-        return Selection(np.union1d(self.indices, other.indices), f"({self.name} | {other.name})", self.owner)
+        indices = np.union1d(self.indices, self._same_model(other))
+        return Selection(indices, f"({self.name} | {other.name})", self.owner)
 
     def __sub__(self, other: "Selection") -> "Selection":
-        return Selection(np.setdiff1d(self.indices, other.indices), f"({self.name} - {other.name})", self.owner)
+        return Selection(
+            np.setdiff1d(self.indices, self._same_model(other)), f"({self.name} - {other.name})", self.owner
+        )
 
 
 class BondSet(NamedTuple):
@@ -69,6 +80,7 @@ class Model:
         self.bonds: list[BondSet] = []
         self.boundaries = Boundaries()
         self._mark = object()
+        self.changes = 0  # how often the model has been changed; a Simulation is of the model as it was
         if particles is not None:
             if density is None:
                 raise InputError("Model needs a density [kg/m3] for its particles: Model(particles, density=2500.0).")
@@ -102,6 +114,7 @@ class Model:
         self.density = np.concatenate([self.density, np.full(len(particles), density)])
         self.part_of = np.concatenate([self.part_of, np.full(len(particles), len(self.parts), np.int32)])
         self.parts.append(name)
+        self.changes += 1
         return Selection(np.arange(first, len(self)), name, self._mark)
 
     @property
@@ -160,6 +173,8 @@ class Model:
         Raises InputError for another shape or an index out of range, SelectionError where nothing is selected.
         """
         array = _plain_array("selection", particles)
+        if array.ndim != 1:
+            raise InputError(f"the selection has shape {array.shape}; give a list of indices, or a mask.")
         indices = np.flatnonzero(array) if array.dtype == bool else _indices("selection", array, len(self))
         if array.dtype == bool and array.shape != (len(self),):
             raise InputError(f"the mask has shape {array.shape}; it must be ({len(self)},), one value per particle.")
@@ -249,6 +264,7 @@ class Model:
             said = f"bond {k} is {ratio[k]:.3g} times as long as Ri + Rj of particles {new.pairs[k].tolist()}."
             warnings.warn(said, stacklevel=3)
         self.bonds.append(new)
+        self.changes += 1
         return new
 
     # Boundary conditions ----------------------------------------------------------------------------------------
@@ -258,6 +274,8 @@ class Model:
 
         Raises InputError for an unknown component, SelectionError where one is prescribed already (so do drive, push).
         """
+        if not isinstance(components, Iterable):
+            raise InputError(f"the components of fix are {components!r}; give names such as 'x y z'.")
         names = components.split() if isinstance(components, str) else list(components)
         self._condition("fix", where, {choice("component of fix", name, COMPONENTS): ZERO for name in names})
 
@@ -275,16 +293,22 @@ class Model:
         """Put a force [N] and torque [N m] on each of the selected particles: numbers or schedules."""
         self._condition("push", where, _given("push", (fx, fy, fz, tx, ty, tz), ("fx", "fy", "fz", "tx", "ty", "tz")))
 
+    def own(self, where: Selection, what: str = "a measure") -> Ints:
+        """Return the indices of a selection; raises SelectionError where it is of another model."""
+        if where.owner is not self._mark:
+            raise SelectionError(f"{what} was given {where!r} of another model: this one has {len(self)} particles.")
+        return where.indices
+
     def _condition(self, kind: Kind, where: Selection, schedules: dict[str, Schedule]) -> None:
         if not isinstance(where, Selection):
             raise InputError(f"{kind} needs a Selection (Model.where, part or select), got {type(where).__name__}.")
-        if where.owner is not self._mark:
-            raise SelectionError(f"{kind} was given {where!r} of another model: this one has {len(self)} particles.")
+        self.own(where, kind)
         if len(where) == 0:
             raise SelectionError(f"{kind} was given {where!r}; the selection is empty.")
         if not schedules:
             raise InputError(f"{kind} was given no component; name at least one.")
         by_index = {COMPONENTS.index(name): s for name, s in schedules.items()}
+        self.changes += 1
         self.boundaries.add(Condition(kind, where.indices, by_index))
 
 

@@ -56,15 +56,16 @@ class Stage(NamedTuple):
 
 
 class Element(NamedTuple):
-    """How a bond deforms and answers: stretch(rel, ref), load(rel, ref, k), reference_direction(ref)."""
+    """How a bond deforms and answers: stretch(rel, ref), load(rel, ref, k), which way it opens, now and at first."""
 
     stretch: Callable[[Relative, Reference], Stretch]
     load: Callable[[Relative, Reference, Stiffness], Load]
+    direction: Callable[[Relative, Reference], Vector]
     reference_direction: Callable[[Reference], Vector]
 
 
-BOND = Element(frame.stretch, frame.load, frame.reference_direction)
-JOINT = Element(joint.stretch, joint.load, joint.reference_direction)
+BOND = Element(frame.stretch, frame.load, frame.direction, frame.reference_direction)
+JOINT = Element(joint.stretch, joint.load, joint.direction, joint.reference_direction)
 
 
 @dataclass(frozen=True)
@@ -219,10 +220,10 @@ def damage_step(element: Element, law: DamageFunction) -> Callable[..., tuple[St
     return step
 
 
-def dashpots(rel: Relative, moving_i: Motion, moving_j: Motion, c: Viscosity, whole: Number, power: Number,
+def dashpots(rel: Relative, n: Vector, moving_i: Motion, moving_j: Motion, c: Viscosity, whole: Number, power: Number,
              damped: Number, dt: Number) -> tuple[Load, Number, Number]:  # fmt: skip
     """Return the load of the dashpots and their book: power now [W], energy taken so far [J] (trapezoid rule)."""
-    viscous, taken = viscous_load(rel, moving_i, moving_j, c)
+    viscous, taken = viscous_load(rel, n, moving_i, moving_j, c)
     taken = whole * taken
     return Load(times(whole, viscous.force), times(whole, viscous.couple)), taken, damped + 0.5 * dt * (power + taken)
 
@@ -247,12 +248,12 @@ def elastic_body(element: Element) -> Body:
 @cache
 def viscous_body(element: Element) -> Body:
     """Return the body of an unbreakable bond with dashpots."""
-    load = element.load
+    load, direction = element.load, element.direction
 
     def viscous(i: Pose, j: Pose, ref: Reference, k: Stiffness, moving_i: Motion, moving_j: Motion, c: Viscosity,
                 power: Number, damped: Number, dt: Number) -> Numbers:  # fmt: skip
         rel = relative_pose(i, j)
-        dashpot, power, damped = dashpots(rel, moving_i, moving_j, c, 1.0, power, damped, dt)
+        dashpot, power, damped = dashpots(rel, direction(rel, ref), moving_i, moving_j, c, 1.0, power, damped, dt)
         return *ends(rel.r, both(load(rel, ref, k), dashpot)), power, damped
 
     return viscous
@@ -275,7 +276,7 @@ def damaging_body(element: Element, law: DamageFunction) -> Body:
 @cache
 def damaging_viscous_body(element: Element, law: DamageFunction) -> Body:
     """Return the body of a bond with a damage law and dashpots."""
-    grow, load = damage_step(element, law), element.load
+    grow, load, direction = damage_step(element, law), element.load, element.direction
 
     def damaging_viscous(i: Pose, j: Pose, ref: Reference, k: Stiffness, section: Section, parameters: Any,
                          memory: Any, damage: Number, potential: Number, lost: Number, moving_i: Motion,
@@ -283,7 +284,7 @@ def damaging_viscous_body(element: Element, law: DamageFunction) -> Body:
                          dt: Number) -> Numbers:  # fmt: skip
         rel = relative_pose(i, j)
         left, whole, book = grow(rel, ref, k, section, parameters, memory, damage, potential, lost)
-        dashpot, power, damped = dashpots(rel, moving_i, moving_j, c, whole, power, damped, dt)
+        dashpot, power, damped = dashpots(rel, direction(rel, ref), moving_i, moving_j, c, whole, power, damped, dt)
         return *ends(rel.r, both(load(rel, ref, left), dashpot)), *book, power, damped
 
     return damaging_viscous

@@ -1,5 +1,6 @@
 """A simulation: model x engine x time step."""
 
+import itertools
 import signal
 import threading
 import time as clocks
@@ -16,12 +17,14 @@ from pybondem.assembly import Assembly, Drag, assemble, energy_program, step_pro
 from pybondem.check import choice, finite_array, fraction, nonnegative, positive, vector, whole_number
 from pybondem.damping import Kinetic
 from pybondem.energies import Energies, energies, leapfrog_kinetic
+from pybondem.engines.base import Runner
 from pybondem.engines.choose import make_engine
 from pybondem.errors import InputError, UnstableError
 from pybondem.measure import Measure, Record
 from pybondem.model import BondSet, Model, Selection
 from pybondem.physics.frame import relative_pose
 from pybondem.physics.types import Pose, Reference
+from pybondem.program import Program
 from pybondem.stability import Limit, stability_limit
 
 Floats = NDArray[np.float64]
@@ -67,6 +70,7 @@ class Simulation:
         if damping is not None and not isinstance(damping, Drag | Kinetic):
             raise InputError(f"damping is {damping!r}; give local(...), viscous(...), kinetic(...) or None.")
         self.model = model
+        self._changes = model.changes
         gx, gy, gz = vector("gravity", gravity).tolist()
         self.gravity: tuple[float, float, float] = (gx, gy, gz)
         self.engine = make_engine(engine or session.engine, session.threads if threads is None else threads)
@@ -80,6 +84,7 @@ class Simulation:
         self._kinetic_taken, self._kinetic_before = 0.0, 0.0
         program = step_program(self.state, self.gravity, damping if isinstance(damping, Drag) else None)
         self._runner = self.engine.prepare(program)
+        self._energy: tuple[Program, Runner] | None = None
         self._interrupted = False
         self._observers: list[Callable[[Simulation], None]] = []
         self._evaluate()
@@ -104,12 +109,21 @@ class Simulation:
         """Simulated time [s]."""
         return self.step * self.dt
 
-    def record(self, every: int, name: str = "history", **measures: Measure) -> Record:
-        """Keep a table of measures every so many steps, from now on; see `measure`. Returns the growing table."""
+    def record(self, every: int, name: str | None = None, **measures: Measure) -> Record:
+        """Keep a table of measures every so many steps, from now on; see `measure`. Returns the growing table.
+
+        name: that of its CSV file, by default history, history-2, ... Raises InputError for a name that is taken.
+        """
+        self._check_model()
         every = whole_number("every of record", every)
         for key, measure in measures.items():
             if not isinstance(measure, Measure):
                 raise InputError(f"record was given {key}={measure!r}; give a measure: reaction(...), energy() ...")
+        taken = {r.name for r in self.records}
+        if name is None:
+            name = next(n for k in itertools.count(1) if (n := "history" if k == 1 else f"history-{k}") not in taken)
+        if name in taken or not name.replace("-", "_").isidentifier():
+            raise InputError(f"a record cannot be named {name!r}: the name is taken, or cannot be that of a file.")
         record = Record(name, every, measures)
         record.take(self)
         self.records.append(record)
@@ -133,6 +147,7 @@ class Simulation:
         """
         from pybondem.output.progress import Progress
 
+        self._check_model()
         total = self._steps_to_take(steps, time, until)
         last = None if total is None else self.step + total
         first, block = self.step, 1
@@ -158,9 +173,15 @@ class Simulation:
             raise Interrupted(f"stopped by hand after step {self.step}, t = {self.time:.6g} s.")
         return self
 
+    def _check_model(self) -> None:
+        if self.model.changes != self._changes:
+            raise InputError("the model was changed after its Simulation was made; make a new Simulation of it.")
+
     def _steps_to_take(self, steps: Any, time: Any, until: Any) -> int | None:
         if (steps is not None) + (time is not None) > 1 or steps is time is until is None:
             raise InputError("run needs steps, or time [s], or until; give one of steps and time.")
+        if until is not None and not callable(until):
+            raise InputError(f"until of run is {until!r}; give a function, such as lambda: pull.force.last < 1.0.")
         if until is not None and not self.records:
             raise InputError("run(until=...) looks at its condition after every record; make a record first.")
         if steps is not None:
@@ -189,8 +210,8 @@ class Simulation:
         if not np.isfinite(self.state.particles["x"].sum()):
             bad = ~np.isfinite(self.state.particles["x"]).all(axis=0)
             raise UnstableError(
-                f"the motion is not finite any more at step {self.step} (t = {self.time:.4g} s), first at particle "
-                f"{self.state.order[bad].min()} of {bad.sum()}; lower dt ({self.dt:.3g} s) or look at its bonds."
+                f"the motion is not finite any more at step {self.step} (t = {self.time:.4g} s), at {bad.sum()} "
+                f"particles, the first is {self.state.order[bad].min()}; lower dt ({self.dt:.3g} s)."
             )
         if self._kinetic and self.step % self._kinetic.every == 0:
             self._stop_at_peak()
@@ -310,10 +331,17 @@ class Simulation:
 
     def bond_energy(self) -> Floats:
         """Return the elastic energy of every bond in memory order (bonds,) [J]."""
-        program = energy_program(self.state)
-        if self.state.blocks:
-            self.engine.prepare(program).advance(1, 0.0, {})
-        return program.shared["energy"]
+        energy = np.zeros(self.bond_count)
+        if not self.state.blocks:
+            return energy
+        if self._energy is None:
+            program = energy_program(self.state)
+            self._energy = program, self.engine.prepare(program)
+        program, runner = self._energy
+        program.shared["energy"] = energy
+        runner.advance(1, 0.0, {"energy": energy})
+        program.shared["energy"] = energy[:0]
+        return energy
 
     @property
     def bond_count(self) -> int:
@@ -342,9 +370,9 @@ class Simulation:
 
     def total(self, name: str, where: Selection) -> Floats:
         """Return the sum of a particle field over a selection."""
-        return self.state.particles[name][:, self.state.position[where.indices]].sum(axis=1)
+        return self.state.particles[name][:, self.state.position[self.model.own(where)]].sum(axis=1)
 
     def mean_displacement(self, where: Selection) -> Floats:
         """Return the mean displacement of a selection since the start (3,) [m]."""
-        at = self.state.position[where.indices]
+        at = self.state.position[self.model.own(where)]
         return (self.state.particles["x"][:, at] - self.state.particles["start"][:, at]).mean(axis=1)

@@ -19,7 +19,7 @@ MARGIN = 1.01  # on omega^2: half a percent of the step
 
 @dataclass(frozen=True)
 class Limit:
-    """The stability limit of a model: critical step [s], highest circular frequency [rad/s], `stiffest_particle`."""
+    """The stability limit of a model: critical step [s], highest circular frequency [rad/s], stiffest particle."""
 
     dt: float
     omega: float
@@ -27,13 +27,13 @@ class Limit:
 
 
 class Stiffness:
-    """The model's stiffness as an operator, matrix-free, on the engine: u -> K u, both (6, n).
+    """The model's stiffness (or its dashpots) as an operator, matrix-free, on the engine: u -> K u, both (6, n).
 
     free (6, n): 0 for held components, 1 for the others; scale (6, n): 1 / sqrt(mass) and 1 / sqrt(inertia).
     """
 
-    def __init__(self, done: Assembly, engine: Engine) -> None:
-        self._program = linear_program(done)
+    def __init__(self, done: Assembly, engine: Engine, dashpots: bool = False) -> None:
+        self._program = linear_program(done, dashpots)
         self._runner = engine.prepare(self._program)
         held = np.concatenate([done.tables.hold, done.tables.turn_hold])[:, done.particles["group"]]
         self.free = 1.0 - held
@@ -44,6 +44,10 @@ class Stiffness:
         """Return K u on free components for displacements and rotations u (6, n)."""
         return self.free * self.all_forces(u)
 
+    def largest(self) -> float:
+        """Return the largest eigenvalue of M^-1/2 K M^-1/2 on free components."""
+        return largest_eigenvalue(lambda u: self.scale * self.times(self.scale * u), self.free)
+
     def all_forces(self, u: Floats) -> Floats:
         """Return the forces and torques (6, n) that hold the displacements and rotations u (6, n)."""
         particles = self._program.particles
@@ -53,23 +57,20 @@ class Stiffness:
 
 
 def stability_limit(done: Assembly, engine: Engine) -> Limit:
-    """Return the limit 2 / omega_max of velocity Verlet, and what dashpots leave of it.
+    """Return the limit of velocity Verlet, 2 / omega_max, and what dashpots leave of it.
 
-    omega_max^2 is the largest eigenvalue of the mass-scaled stiffness M^-1/2 K M^-1/2, by Lanczos iteration from a
-    fixed random vector, taken at the upper end of its residual bound. Dashpots, which act on the velocity foreseen for
-    the end of the step, lower the limit by sqrt(1 + 4 zeta^2) - 2 zeta with zeta the damping ratio of that mode.
+    omega_max^2 is the largest eigenvalue of the mass-scaled stiffness M^-1/2 K M^-1/2. Dashpots act on the velocity
+    foreseen for the end of the step, and the motion is stable while dt^2 K / 4 + dt C < M: for certain below
+    2 (sqrt(c^2 + omega_max^2) - c) / omega_max^2 with c the largest eigenvalue of M^-1/2 C M^-1/2.
     """
-    if not done.blocks:
-        return Limit(np.inf, 0.0, 0)
     stiffness = Stiffness(done, engine)
-    scale = stiffness.scale
-    value = largest_eigenvalue(lambda u: scale * stiffness.times(scale * u), stiffness.free)
-    omega = float(np.sqrt(max(value, 0.0)))
-    if omega == 0.0:
+    squared = stiffness.largest() if done.blocks else 0.0
+    if squared <= 0.0:
         return Limit(np.inf, 0.0, 0)
-    zeta = 0.5 * omega * slowest_dashpot(done)
-    dt = 2.0 / omega * (np.sqrt(1.0 + 4.0 * zeta * zeta) - 2.0 * zeta)
-    return Limit(dt, omega, stiffest_particle(done, scale * stiffness.free))
+    damped = any(bonds.bond.damping > 0.0 for bonds in done.model.bonds)
+    c = Stiffness(done, engine, dashpots=True).largest() if damped else 0.0
+    dt = 2.0 * (np.sqrt(c * c + squared) - c) / squared
+    return Limit(float(dt), float(np.sqrt(squared)), stiffest_particle(done, stiffness.scale * stiffness.free))
 
 
 def stiffest_particle(done: Assembly, scale: Floats) -> int:
@@ -90,17 +91,6 @@ def stiffest_particle(done: Assembly, scale: Floats) -> int:
     squares = scale**2
     speed = np.maximum(displacement * squares[:3].max(axis=0), rotation * squares[3:].max(axis=0))
     return int(done.order[np.argmax(speed)])
-
-
-def slowest_dashpot(done: Assembly) -> float:
-    """Return the largest ratio c/k of dashpot to spring in any bond [s]."""
-    ratios = [0.0]
-    for arrays in done.bonds.values():
-        for c, k in (("cn", "kn"), ("cs", "ks"), ("ct", "kt"), ("cb", "kb")):
-            stiffness = np.atleast_1d(arrays[k])
-            with np.errstate(invalid="ignore", divide="ignore"):
-                ratios.append(float(np.max(np.where(stiffness > 0.0, arrays[c] / stiffness, 0.0))))
-    return max(ratios)
 
 
 def largest_eigenvalue(operator: Callable[[Floats], Floats], free: Floats) -> float:

@@ -93,7 +93,7 @@ def axial_stiffness(
     bar.boundaries = Boundaries()
     bar.fix(low, axis)
     bar.fix(high, axis)
-    apart = float(model.x[high.indices, c].mean() - model.x[low.indices, c].mean())
+    apart = float(model.x[model.own(high), c].mean() - model.x[model.own(low), c].mean())
     prescribed = np.zeros((len(model), 6))
     prescribed[high.indices, c] = apart  # unit strain: the force is EA
     return float(solve(bar, prescribed, engine=engine, threads=threads).force[high.indices, c].sum())

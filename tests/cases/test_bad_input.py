@@ -1,4 +1,4 @@
-"""Bad input through the public interface, row by row of the catalogue of faults (numbers in the test names).
+"""Bad input through the public interface, fault by fault.
 
 Every fault must raise an error of the package that names the object, the index, the value and what is allowed, before
 the first step, and must leave the model as it was. What is only doubtful warns and says why.
@@ -73,12 +73,12 @@ def row(*cases: tuple[Callable[[bd.Model], Any], str]) -> Any:
     (lambda m: m.join([[2, 3]], GROUT, normal=[[1, nan, 0]], area=1e-4), r"^normal of join\[0, 1\] is nan"),
     (lambda m: m.join([[2, 3]], GROUT, normal=[[1, 0, 0]], area=nan), r"^area of join(\[0\])? is nan"),
 )
-def test_row_1_no_number(do: Callable[[bd.Model], Any], says: str) -> None:
+def test_no_number(do: Callable[[bd.Model], Any], says: str) -> None:
     assert_refused(do, says)
 
 
 @pytest.mark.parametrize("name", ["x", "v", "w", "q"])
-def test_row_1_no_number_in_an_edited_field(name: str) -> None:
+def test_no_number_in_an_edited_field(name: str) -> None:
     """The error names field, first index and count, and the state stays as it was."""
     sim = bd.Simulation(rod(), engine="interpreted")
     before = getattr(sim.particles, name)
@@ -99,7 +99,7 @@ def test_row_1_no_number_in_an_edited_field(name: str) -> None:
     (lambda m: spheres(radius=TINY), r"^radius of Particles is 5e-324 m; it must be positive and at least"),
     (lambda m: spheres(radius=[0.5, TINY]), r"^radius of Particles\[1\] is 5e-324 m; it must be positive and at least"),
 )
-def test_row_2_radius(do: Callable[[bd.Model], Any], says: str) -> None:
+def test_radius(do: Callable[[bd.Model], Any], says: str) -> None:
     assert_refused(do, says)
 
 
@@ -113,7 +113,7 @@ def test_row_2_radius(do: Callable[[bd.Model], Any], says: str) -> None:
     (lambda m: m.add(spheres(radius=[0.5, 1e-70]), "new", density=1.0), r"particle 1 of part 'new', .* inertia of 0"),
     (lambda m: m.add(spheres(radius=1e110), "new", density=1.0), r"particle 0 of part 'new', .* mass of inf"),
 )
-def test_row_3_mass(do: Callable[[bd.Model], Any], says: str) -> None:
+def test_mass(do: Callable[[bd.Model], Any], says: str) -> None:
     assert_refused(do, says)
 
 
@@ -152,7 +152,7 @@ def test_row_3_mass(do: Callable[[bd.Model], Any], says: str) -> None:
     (lambda m: m.join([[2, 3]], GROUT, normal=[[1, 0, 0]], area=-1e-4), r"^area(\[0\])? of join(\[0\])? is -0.0001 m2"),
     (lambda m: m.join([[2, 3]], GROUT, normal=[[0, 0, 0]], area=1e-4), r"^normal(\[0\])? of join(\[0\])? is"),
 )
-def test_row_4_constants_out_of_range(do: Callable[[bd.Model], Any], says: str) -> None:
+def test_constants_out_of_range(do: Callable[[bd.Model], Any], says: str) -> None:
     assert_refused(do, says)
 
 
@@ -163,7 +163,7 @@ def test_row_4_constants_out_of_range(do: Callable[[bd.Model], Any], says: str) 
     (lambda m: m.bond([[2, 3], [3, 3]], GLUE), r"^bond 1 joins particle 3 with itself"),
     (lambda m: m.join([[3, 3]], GROUT, normal=[[1, 0, 0]], area=1e-4), r"^bond 0 joins particle 3 with itself"),
 )
-def test_row_5_a_bond_of_a_particle_with_itself(do: Callable[[bd.Model], Any], says: str) -> None:
+def test_a_bond_of_a_particle_with_itself(do: Callable[[bd.Model], Any], says: str) -> None:
     assert_refused(do, says)
 
 
@@ -172,7 +172,7 @@ def test_row_5_a_bond_of_a_particle_with_itself(do: Callable[[bd.Model], Any], s
     (lambda m: m.bond([[2, 3], [1, 0]], GLUE), r"^particles 0 and 1 are bonded twice"),
     (lambda m: m.join([[2, 1]], GROUT, normal=[[1, 0, 0]], area=1e-4), r"^particles 1 and 2 are bonded twice"),
 )
-def test_row_6_a_pair_bonded_twice(do: Callable[[bd.Model], Any], says: str) -> None:
+def test_a_pair_bonded_twice(do: Callable[[bd.Model], Any], says: str) -> None:
     assert_refused(do, says)
 
 
@@ -191,7 +191,7 @@ def test_row_6_a_pair_bonded_twice(do: Callable[[bd.Model], Any], says: str) -> 
     (lambda m: m.select([-1]), r"^selection 0 names particle -1"),
     (lambda m: m.select([0.0]), r"^selection indices have type float64"),
 )
-def test_row_7_an_index_that_is_none(do: Callable[[bd.Model], Any], says: str) -> None:
+def test_an_index_that_is_none(do: Callable[[bd.Model], Any], says: str) -> None:
     assert_refused(do, says)
 
 
@@ -199,8 +199,8 @@ def add_on_top(m: bd.Model) -> None:
     m.add(spheres([[9e-2, 0, 0], [3e-2, 0, 0]], radius=5e-3), "top", density=2500.0)
 
 
-def test_row_8_a_bond_without_length() -> None:
-    """Of spheres all but at the same place: refused where they are placed (row 10) or, at the latest, where bonded."""
+def test_a_bond_without_length() -> None:
+    """Of spheres all but at the same place: refused where they are placed or, at the latest, where bonded."""
 
     def make() -> None:
         model = bd.Model(spheres([[0, 0, 0], [1e-12, 0, 0], [1, 0, 0]]), density=1.0)
@@ -210,7 +210,7 @@ def test_row_8_a_bond_without_length() -> None:
         make()
 
 
-def test_row_9_a_bond_much_longer_or_shorter_than_its_spheres_warns_of_the_ratio() -> None:
+def test_a_bond_much_longer_or_shorter_than_its_spheres_warns_of_the_ratio() -> None:
     model = bd.Model(spheres([[0, 0, 0], [1, 0, 0], [2.5, 0, 0], [2.9, 0, 0]]), density=1.0)
     with pytest.warns(UserWarning, match=r"bond 0 is 2.5 times as long as Ri \+ Rj of particles \[0, 2\]"):
         model.bond([[0, 2], [0, 1]], GLUE)
@@ -233,11 +233,11 @@ def test_row_9_a_bond_much_longer_or_shorter_than_its_spheres_warns_of_the_ratio
         r"particle 1 of part 'body' is at the same place as .*particle 0",
     ),
 )
-def test_row_10_two_spheres_at_the_same_place(do: Callable[[bd.Model], Any], says: str) -> None:
+def test_two_spheres_at_the_same_place(do: Callable[[bd.Model], Any], says: str) -> None:
     assert_refused(do, says)
 
 
-def test_row_16_no_bonds_made_is_said() -> None:
+def test_no_bonds_made_is_said() -> None:
     model = rod()
     with pytest.warns(UserWarning, match=r"no bonds were made: there are no pairs"):
         model.bond(model.touching(between=("rod", "cap"), gap=0.0)[:0], GLUE)
@@ -246,7 +246,7 @@ def test_row_16_no_bonds_made_is_said() -> None:
 # Steps ----------------------------------------------------------------------------------------------------------
 
 
-def test_row_12_a_step_above_the_critical_one_names_the_step_and_a_particle_that_sets_it() -> None:
+def test_a_step_above_the_critical_one_names_the_step_and_a_particle_that_sets_it() -> None:
     """Particles 2 and 3 share the one bond that is a hundred times stiffer."""
     model = rod()
     model.bond([[2, 3]], bd.Bond(bd.parallel(E=1e11, stiffness_ratio=2.0)))
@@ -278,7 +278,7 @@ def test_row_12_a_step_above_the_critical_one_names_the_step_and_a_particle_that
     (lambda m: start(m).record(every=2.5), r"^every of record is 2.5; it must be a whole number"),
     (lambda m: start(m).record(every=1, force=3.0), r"^record was given force=3.0; give a measure"),
 )
-def test_row_13_steps_and_times(do: Callable[[bd.Model], Any], says: str) -> None:
+def test_steps_and_times(do: Callable[[bd.Model], Any], says: str) -> None:
     assert_refused(do, says)
 
 
@@ -305,7 +305,7 @@ def nobody(m: bd.Model) -> bd.Selection:
     (lambda m: m.select(np.zeros(5, bool)), r"^the selection is empty"),
     (lambda m: m.where(x=(1.0, 2.0)), r"^no particle lies within x in \(1, 2\) m; the model spans x from 0 to 0.04 m"),
 )
-def test_row_17_an_empty_selection_is_never_everything(do: Callable[[bd.Model], Any], says: str) -> None:
+def test_an_empty_selection_is_never_everything(do: Callable[[bd.Model], Any], says: str) -> None:
     assert_refused(do, says, bd.SelectionError)
 
 
@@ -341,7 +341,7 @@ def test_row_17_an_empty_selection_is_never_everything(do: Callable[[bd.Model], 
     (lambda m: bd.Simulation("rod"), r"^Simulation needs a Model, got str"),
     (lambda m: bd.Simulation(m, threads=1.5), r"^threads is 1.5"),
 )
-def test_row_18_names_and_kinds(do: Callable[[bd.Model], Any], says: str) -> None:
+def test_names_and_kinds(do: Callable[[bd.Model], Any], says: str) -> None:
     assert_refused(do, says)
 
 
@@ -355,7 +355,7 @@ def edit(model: bd.Model, name: str) -> None:
 
 
 @pytest.mark.parametrize("threads", [0, -1, 10_000])
-def test_row_18_threads(threads: int) -> None:
+def test_threads(threads: int) -> None:
     with pytest.raises(bd.EngineError, match=rf"^threads is {threads}; this machine allows 1 to \d+"):
         bd.Simulation(rod(), threads=threads)
 
@@ -365,11 +365,11 @@ def test_row_18_threads(threads: int) -> None:
     (lambda m: m.fix(m.select([0]), "y"), r"^fix contradicts fix: both set component y of particle 0"),
     (lambda m: m.push(m.select([0, 1]), fy=1.0), r"^push contradicts fix: both set component y of particle 0"),
 )
-def test_row_20_contradictions(do: Callable[[bd.Model], Any], says: str) -> None:
+def test_contradictions(do: Callable[[bd.Model], Any], says: str) -> None:
     assert_refused(do, says, bd.SelectionError)
 
 
-def test_row_20_what_does_not_contradict() -> None:
+def test_what_does_not_contradict() -> None:
     """Other components, other particles, and pushes, which add up."""
     model = rod()
     model.fix(model.select([0]), "z")
@@ -400,7 +400,7 @@ def test_row_20_what_does_not_contradict() -> None:
     (lambda m: start(m, gravity=(0, 0)), r"^gravity has shape \(2,\); it must be \(3,\)"),
     (lambda m: start(m, gravity=9.81), r"^gravity has shape \(\); it must be \(3,\)"),
 )
-def test_row_22_shapes(do: Callable[[bd.Model], Any], says: str) -> None:
+def test_shapes(do: Callable[[bd.Model], Any], says: str) -> None:
     assert_refused(do, says)
 
 
@@ -412,7 +412,7 @@ def test_row_22_shapes(do: Callable[[bd.Model], Any], says: str) -> None:
         (bd.Bond(bd.springs(1e6, 1e6), bd.bilinear([1e-4] * 4, 4e-4)), r"^slip_peak has 4 values; give one number"),
     ],
 )
-def test_row_22_values_per_bond_are_counted_before_the_first_step(bond: bd.Bond, says: str) -> None:
+def test_values_per_bond_are_counted_before_the_first_step(bond: bd.Bond, says: str) -> None:
     model = bd.Model(bd.packing.line(3, spacing=1e-2, diameter=1e-2), density=2500.0)
     model.bond(model.touching(), bond)
     with pytest.raises(bd.InputError, match=says):
@@ -440,7 +440,7 @@ def frozen(a: np.ndarray) -> np.ndarray:
     ],
     ids=["narrow", "whole", "Fortran order", "read-only", "strided", "big-endian", "lists"],
 )
-def test_row_22_what_can_be_taken_over_exactly_is(x: Any, pairs: Any) -> None:
+def test_what_can_be_taken_over_exactly_is(x: Any, pairs: Any) -> None:
     found = []
     for places, ends in ((x, pairs), (X, np.array([[0, 1], [1, 2]]))):
         model = bd.Model(bd.packing.Particles(places, np.float32(2.0)), density=np.int64(1))
@@ -454,7 +454,7 @@ def test_row_22_what_can_be_taken_over_exactly_is(x: Any, pairs: Any) -> None:
     assert found[0] == found[1]
 
 
-def test_row_22_what_is_given_is_copied() -> None:
+def test_what_is_given_is_copied() -> None:
     x, pairs = X.copy(), np.array([[0, 1], [1, 2]])
     model = bd.Model(bd.packing.Particles(x, 2.0), density=1.0)
     model.bond(pairs, GLUE)
@@ -494,14 +494,14 @@ class Frame:
         r"^normal of join is a masked array",
     ),
 )
-def test_row_23_arrays_that_hold_no_numbers(do: Callable[[bd.Model], Any], says: str) -> None:
+def test_arrays_that_hold_no_numbers(do: Callable[[bd.Model], Any], says: str) -> None:
     assert_refused(do, says)
 
 
 # Next to nothing ------------------------------------------------------------------------------------------------
 
 
-def test_row_24_no_particles(engine: str) -> None:
+def test_no_particles(engine: str) -> None:
     with pytest.raises(bd.InputError, match=r"^the model has no particles"):
         bd.Simulation(bd.Model(), engine=engine)
     with pytest.raises(bd.InputError, match=r"^x of Particles is empty"):
@@ -513,7 +513,7 @@ def test_row_24_no_particles(engine: str) -> None:
     assert bd.Model().touching().shape == (0, 2)
 
 
-def test_row_24_one_free_particle_falls(engine: str) -> None:
+def test_one_free_particle_falls(engine: str) -> None:
     """x = g t^2/2 and v = g t hold in the discrete motion too; every view of no bonds is empty or zero."""
     model = bd.Model(spheres([[1.0, 2.0, 3.0]]), density=1000.0)
     sim = bd.Simulation(model, engine=engine, dt=1e-3, gravity=(0.0, 0.0, -10.0))
@@ -525,7 +525,7 @@ def test_row_24_one_free_particle_falls(engine: str) -> None:
     assert np.isinf(sim.limit.dt)
 
 
-def test_row_24_particles_without_bonds_fly_apart(engine: str) -> None:
+def test_particles_without_bonds_fly_apart(engine: str) -> None:
     sim = bd.Simulation(bd.Model(spheres(), density=1.0), engine=engine, dt=1e-2)
     with sim.edit("v") as v:
         v[:] = [[0.0, 1.0, 0.0], [0.0, 0.0, -2.0]]

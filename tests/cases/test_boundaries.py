@@ -357,6 +357,25 @@ def test_damage_takes_the_dashpots_along(engine, share):
     assert pull == pytest.approx(left * np.array(expected), abs=2e-2 * max(expected) * left)
 
 
+@pytest.mark.parametrize("pair", [(0, 1), (1, 0)])
+def test_a_broken_joint_resists_closing_and_nothing_else(engine, pair):
+    """Its normal points from the first of the pair to the second, however they stand in memory."""
+    area, k_n, peak = 2e-5, 3e11, 1e-5
+    model = bd.Model(bd.packing.line(2, spacing=2 * RADIUS, diameter=2 * RADIUS), density=DENSITY)
+    law = bd.bilinear(slip_peak=peak, slip_end=2 * peak, stiffness=1e11)
+    normal = [np.sign(pair[1] - pair[0]), 0.0, 0.0]
+    joints = model.join([pair], bd.Joint(law, normal_stiffness=k_n), normal=[normal], area=area)
+    sim = bd.Simulation(model, engine=engine)
+    x, y, z = sim.particles.x[1]
+    pull = k_n * area * 1e-6
+    for apart, slip, force in ((1e-6, 0.0, pull), (0.0, 3 * peak, 0.0), (1e-6, 0.0, 0.0), (-1e-6, 0.0, -pull)):
+        with sim.edit("x") as places:
+            places[1] = x + apart, y + slip, z
+        assert sim.particles.force[0] == pytest.approx([force, 0.0, 0.0], abs=1e-9 * pull)
+        assert sim.bonds(joints).force[0] == pytest.approx(sim.particles.force[pair[0]], abs=1e-12)
+    assert sim.broken == 1
+
+
 @pytest.mark.parametrize(
     "damping", [None, bd.local(0.3), bd.viscous(2e3), bd.kinetic(every=7)], ids=["none", "local", "viscous", "kinetic"]
 )

@@ -58,7 +58,7 @@ def cloud(seed: int, zeta: float = 0.0, spread: float = 1.0, fix: bool = True) -
     lattice = Lattice(x).bond(bonded, *k).join(joined, normal, stiff * area, soft * area)
     c = dashpots(model, bonded, k, zeta)
     sliding = dashpots(model, joined, np.array([stiff * area, soft * area, 0.0 * area, 0.0 * area]), zeta)
-    return Cloud(model, lattice, Lattice(x).bond(bonded, *c).bond(joined, *sliding), fixed)
+    return Cloud(model, lattice, Lattice(x).bond(bonded, *c).join(joined, normal, *sliding[:2]), fixed)
 
 
 def dashpots(model: bd.Model, pairs: NDArray[np.int64], k: Floats, zeta: float) -> Floats:

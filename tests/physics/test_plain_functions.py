@@ -321,7 +321,7 @@ def test_the_linear_load_is_the_slope_of_the_load_at_rest(element, bond, k, u):
 
 def viscous(bond, i, j, c):
     rel = frame.relative_pose(*bond[:2])
-    load, power = frame.viscous_load(rel, i, j, c)
+    load, power = frame.viscous_load(rel, rel.n, i, j, c)
     return rel, load, power
 
 

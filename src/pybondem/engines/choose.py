@@ -2,13 +2,15 @@
 
 from pybondem.check import choice
 from pybondem.engines.base import Engine
-from pybondem.errors import InputError
+from pybondem.errors import EngineError, InputError
 
 ENGINES = ("cpu", "reference", "interpreted")
 
 
 def make_engine(name: str, threads: int | None = None) -> Engine:
     """Return an engine by name: "cpu" (Numba, the default), "reference" (NumPy), "interpreted" (plain Python)."""
+    if name == "cuda":
+        raise EngineError(f"there is no GPU engine in this version; the engines are {', '.join(ENGINES)}.")
     name = choice("engine", name, ENGINES)
     if name == "reference":
         from pybondem.engines.reference import Reference

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from pybondem.damping import local
 from pybondem.examples.pullout_setup import PullOutModel
-from pybondem.measure import applied, broken, displacement, energy, unbalanced
+from pybondem.measure import Record, applied, broken, displacement, energy, unbalanced
 from pybondem.output.figures import curve_against_theory, profiles_against_theory
 from pybondem.results import Results
-from pybondem.simulation import Simulation
+from pybondem.simulation import Interrupted, Simulation
 from pybondem.theory import PullOut
 
 Floats = NDArray[np.float64]
@@ -65,15 +65,28 @@ def run_pullout(
     shear: list[Floats] = [sim.interface(built.joints)[1]]
     sim.observe(lambda s: shear.append(s.interface(built.joints)[1]))
     with Results(sim, "pullout", folder=folder, frame_every=every * RECORDS // 50, quiet=quiet) as results:
-        sim.run(time=test.duration, title="pull-out", quiet=quiet)
-        stable = record["displacement"].values <= STABLE * last_stable_displacement(test.theory())
-        results.slow_until = float(record["time"].values[stable].max())
-        profiles = compare_profiles(built, record["displacement"].values, np.array(shear))
-        summary = compare(built, sim, record["displacement"].values, record["load"].values, profiles)
-        draw(built, results, record["displacement"].values, record["load"].values, profiles)
-        results.summary.update(summary)
-        results.facts.update({name: f"{100.0 * value:+.2f} %" for name, value in summary["errors"].items()})
+        try:
+            sim.run(time=test.duration, title="pull-out", quiet=quiet)
+        except Interrupted:  # compared as far as it came
+            conclude(built, sim, record, np.array(shear), results)
+            raise
+        profiles, summary = conclude(built, sim, record, np.array(shear), results)
     return PullOutResult(results.folder, record["displacement"].values, record["load"].values, profiles, summary)
+
+
+def conclude(
+    built: PullOutModel, sim: Simulation, record: Record, shear: Floats, results: Results
+) -> tuple[tuple[Profile, ...], dict[str, Any]]:
+    """Hold a run against the theory, draw and summarise it; returns profiles and summary."""
+    u, load = record["displacement"].values, record["load"].values
+    stable = u <= STABLE * last_stable_displacement(built.test.theory())
+    results.slow_until = float(record["time"].values[stable].max())
+    profiles = compare_profiles(built, u, shear)
+    summary = compare(built, sim, u, load, profiles)
+    draw(built, results, u, load, profiles)
+    results.summary.update(summary)
+    results.facts.update({name: f"{100.0 * value:+.2f} %" for name, value in summary["errors"].items()})
+    return profiles, summary
 
 
 def stage_displacements(theory: PullOut) -> list[float]:

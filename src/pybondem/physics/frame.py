@@ -85,15 +85,20 @@ def reference_direction(ref: Reference) -> Vector:
     return times(1.0 / norm(ref.r0), ref.r0)
 
 
-def viscous_load(rel: Relative, i: Motion, j: Motion, damping: Viscosity) -> tuple[Load, Number]:
-    """Return the load of the dashpots in the bond and the power they take [W].
+def direction(rel: Relative, ref: Reference) -> Vector:
+    """Return the unit vector that opening is measured along: the chord."""
+    return rel.n
+
+
+def viscous_load(rel: Relative, n: Vector, i: Motion, j: Motion, damping: Viscosity) -> tuple[Load, Number]:
+    """Return the load of the dashpots in the bond and the power they take [W]; n: the direction of opening.
 
     The relative velocity v_j - v_i - l (w_i + w_j)/2 x n vanishes in every rigid motion of the pair.
     """
     mean_spin = times(0.5, add(i.w, j.w))
     velocity = minus(minus(j.v, i.v), cross(mean_spin, rel.r))
     spin = minus(j.w, i.w)
-    force = add(times(damping.cs, velocity), times((damping.cn - damping.cs) * dot(velocity, rel.n), rel.n))
+    force = add(times(damping.cs, velocity), times((damping.cn - damping.cs) * dot(velocity, n), n))
     couple = add(times(damping.cb, spin), times((damping.ct - damping.cb) * dot(spin, rel.n), rel.n))
     return Load(force, couple), dot(force, velocity) + dot(couple, spin)
 

@@ -33,6 +33,11 @@ def load(rel: Relative, ref: Reference, k: Stiffness) -> Load:
     return Load(force, add(times(0.5, cross(rel.t, w)), couple))
 
 
+def direction(rel: Relative, ref: Reference) -> Vector:
+    """Return the unit vector that opening is measured along: the normal of the interface."""
+    return material(rel, ref.normal)
+
+
 def reference_direction(ref: Reference) -> Vector:
     """Return the unit vector that opening is measured along in the undeformed joint: its normal."""
     return ref.normal
