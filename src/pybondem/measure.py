@@ -99,7 +99,7 @@ def strain(first: Selection, second: Selection, axis: str) -> Measure:
         _some("strain", where)
 
     def evaluate(sim: Running) -> tuple[float]:
-        apart = sim.model.x[second.indices, c].mean() - sim.model.x[first.indices, c].mean()
+        apart = sim.model.x[sim.model.own(second), c].mean() - sim.model.x[sim.model.own(first), c].mean()
         if apart == 0.0:
             raise InputError(f"strain along {axis} of {first!r} and {second!r}: their means are at the same {axis}.")
         return (float((sim.mean_displacement(second)[c] - sim.mean_displacement(first)[c]) / apart),)

@@ -11,16 +11,32 @@ Ints = NDArray[np.int64]
 def pairs_within(x: Floats, radius: Floats, gap: float) -> Ints:
     """Return the pairs (m, 2), i < j, sorted, whose surfaces are at most `gap` times (Ri + Rj) apart.
 
-    x: centres (n, 3) [m]; radius (n,) [m]; gap [-].
+    x: centres (n, 3) [m]; radius (n,) [m]; gap [-]. Spheres are searched by classes of size, each twice the one before,
+    so that a few large ones do not make every small one look far.
     """
     if len(x) < 2:
         return np.empty((0, 2), np.int64)
-    largest = float(radius.max())
-    pairs = cKDTree(x).query_pairs((1.0 + gap) * 2.0 * largest, output_type="ndarray").astype(np.int64, copy=False)
-    if float(radius.min()) < largest:
-        reach = (1.0 + gap) * (radius[pairs[:, 0]] + radius[pairs[:, 1]])
-        pairs = pairs[np.linalg.norm(x[pairs[:, 1]] - x[pairs[:, 0]], axis=1) <= reach]
+    size = np.floor(np.log2(radius / radius.min())).astype(np.int64)
+    classes = [np.flatnonzero(size == s) for s in np.unique(size)]
+    found = [
+        _pairs_of_classes(x, radius, gap, small, large) for k, large in enumerate(classes) for small in classes[: k + 1]
+    ]
+    pairs = np.sort(np.concatenate(found), axis=1)
+    reach = (1.0 + gap) * (radius[pairs[:, 0]] + radius[pairs[:, 1]])
+    pairs = pairs[np.linalg.norm(x[pairs[:, 1]] - x[pairs[:, 0]], axis=1) <= reach]
     return pairs[np.argsort(pairs[:, 0] * len(x) + pairs[:, 1], kind="stable")]
+
+
+def _pairs_of_classes(x: Floats, radius: Floats, gap: float, small: Ints, large: Ints) -> Ints:
+    """Return all pairs between two classes of spheres (or within one) that may be near enough."""
+    reach = (1.0 + gap) * (radius[small].max() + radius[large].max()) * (1.0 + 1e-12)
+    tree = cKDTree(x[small])
+    if small is large:
+        return small[tree.query_pairs(reach, output_type="ndarray").astype(np.int64, copy=False)]
+    near = tree.query_ball_point(x[large], reach)
+    counts = np.fromiter((len(n) for n in near), np.int64, len(large))
+    others = np.concatenate([np.asarray(n, np.int64) for n in near]) if counts.sum() else np.empty(0, np.int64)
+    return np.stack([np.repeat(large, counts), small[others]], axis=1)
 
 
 def same_place(x: Floats, radius: float) -> tuple[int, int] | None:
