@@ -51,7 +51,7 @@ class Assembly:
     """A model laid out for the engines.
 
     order: model index of each particle in memory; position: place in memory of each particle of the model; blocks: one
-    per bond set, with bond_order[b] the bond's index in its set for each bond in memory; tables: of the groups of
+    per bond set; tables: of the groups of
     boundary conditions; particles, bonds, shared: the arrays (see `state`).
     """
 
@@ -62,12 +62,15 @@ class Assembly:
     particles: dict[str, Any]
     blocks: tuple[Block, ...]
     bonds: dict[str, dict[str, Any]]
-    bond_order: tuple[NDArray[np.uint32], ...]
     shared: dict[str, Any]
 
     def element(self, block: int) -> Element:
         """Return the element of a block: bond or joint."""
         return BOND if isinstance(self.model.bonds[block].bond, Bond) else JOINT
+
+    def bond_order(self, block: int) -> Ints:
+        """Return the index in its bond set of each bond of a block, in memory order (bonds,)."""
+        return _by_ends(np.sort(self.position[self.model.bonds[block].pairs], axis=1))
 
     def chord(self, arrays: dict[str, Any]) -> Floats:
         """Return the chord from i to j of each bond of a block when it was made (3, bonds) [m]."""
@@ -85,13 +88,11 @@ def assemble(model: Model) -> Assembly:
     group, groups = model.boundaries.groups(len(model))
     counts = [len(bonds.pairs) for bonds in model.bonds]
     blocks = tuple(Block(f"b{b}", sum(counts[:b]), count) for b, count in enumerate(counts))
-    laid_out = [_bond_arrays(bonds, model, position) for bonds in model.bonds]
-    arrays = {block.name: of_block for block, (of_block, _) in zip(blocks, laid_out, strict=True)}
-    bond_order = tuple(of_block for _, of_block in laid_out)
+    arrays = {b.name: _bond_arrays(bonds, model, position) for b, bonds in zip(blocks, model.bonds, strict=True)}
     tables = GroupTables(groups)
     particles = _particle_arrays(model, order, group)
     shared = _shared_arrays(arrays, len(model), sum(counts), tables)
-    return Assembly(model, order, position, tables, particles, blocks, arrays, bond_order, shared)
+    return Assembly(model, order, position, tables, particles, blocks, arrays, shared)
 
 
 def uniform(values: Floats) -> Value:
@@ -104,7 +105,7 @@ def uniform(values: Floats) -> Value:
 def _particle_arrays(model: Model, order: Ints, group: NDArray[np.uint32]) -> dict[str, Any]:
     """Return the arrays of the particles in memory order: at rest where they were placed."""
     constant = {"mass": uniform(model.mass[order]), "inertia": uniform(model.inertia[order]), "group": group[order]}
-    changing = allocate(PARTICLE_FIELDS, {f.name for f in PARTICLE_FIELDS} - {*constant, *DRAG}, len(order))
+    changing = allocate(PARTICLE_FIELDS, {f.name for f in PARTICLE_FIELDS} - {*constant, *DRAG, "dragged"}, len(order))
     changing["x"][:] = changing["start"][:] = model.x[order].T
     changing["q"][0] = 1.0
     return {**changing, **constant}
@@ -119,12 +120,17 @@ def _shared_arrays(bonds: dict[str, dict[str, Any]], n: int, count: int, tables:
     return own | {"hold": tables.hold, "turn_hold": tables.turn_hold} | tables.schedule(0, 0, 1.0)
 
 
-def _bond_arrays(bonds: BondSet, model: Model, position: Ints) -> tuple[dict[str, Any], NDArray[np.uint32]]:
-    """Return the arrays of a bond set in memory order (by first, then second particle), and that order."""
+def _by_ends(ends: Ints) -> Ints:
+    """Return the order of bonds by first, then second end (bonds, 2)."""
+    return np.lexsort((ends[:, 1], ends[:, 0]))
+
+
+def _bond_arrays(bonds: BondSet, model: Model, position: Ints) -> dict[str, Any]:
+    """Return the arrays of a bond set in memory order: by first, then second particle."""
     ends = position[bonds.pairs]
     swapped = ends[:, 0] > ends[:, 1]
     ends = np.sort(ends, axis=1)
-    order = np.lexsort((ends[:, 1], ends[:, 0]))
+    order = _by_ends(ends)
     i, j = np.where(swapped[:, None], bonds.pairs[:, ::-1], bonds.pairs)[order].T
     arrays: dict[str, Any] = {"i": ends[order, 0].astype(np.uint32), "j": ends[order, 1].astype(np.uint32)}
     for name, value in _values(bonds, model).items():
@@ -140,7 +146,7 @@ def _bond_arrays(bonds: BondSet, model: Model, position: Ints) -> tuple[dict[str
         arrays |= allocate(BOND_FIELDS, {"power", "damped"}, len(order))
     if bonds.normal is not None:  # swapping the ends turns r0 and the normal together
         arrays["normal"] = np.ascontiguousarray(np.where(swapped[:, None], -bonds.normal, bonds.normal)[order].T)
-    return arrays, order.astype(np.uint32)
+    return arrays
 
 
 def _law(bonds: BondSet) -> DamageLaw | None:
@@ -181,7 +187,7 @@ def step_program(done: Assembly, gravity: tuple[float, float, float], drag: Drag
         start = Stage("particles", pg.start, (*START, *START_REST), STARTED)
         finish = Stage("particles", pg.finish, (*FINISH, *FINISH_REST), FINISHED, after=True)
     else:
-        particles.update(allocate(PARTICLE_FIELDS, set(DRAG), len(done.order)), coefficient=drag.coefficient)
+        particles.update(allocate(PARTICLE_FIELDS, {*DRAG, "dragged"}, len(done.order)), coefficient=drag.coefficient)
         reads: Reads = (*START, *DRAG, "dragged", *START_REST)
         start = Stage("particles", pg.start_dragged, reads, (*STARTED, "dragged"))
         reads, writes = (*FINISH, "dragged", *FINISH_REST, "coefficient"), (*FINISHED, *DRAG, "dragged")

@@ -59,7 +59,7 @@ def energies(sim: Running, kinetic_taken: float) -> Energies:
         "gravity": -float(np.dot(sim.gravity, fallen.sum(axis=1))),
         "damage": sum(float(b["lost"].sum()) for b in bonds if "lost" in b),
         "dashpots": sum(float(b["damped"].sum()) for b in bonds if "damped" in b),
-        "drag": float(p["dragged"].sum()) + kinetic_taken,
+        "drag": (float(p["dragged"].sum()) if "dragged" in p else 0.0) + kinetic_taken,
         "work": float(p["work"].sum()),
     }
     return Energies(**values, residual=sum(values.values()) - 2.0 * values["work"])

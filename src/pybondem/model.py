@@ -74,7 +74,7 @@ class Model:
     def __init__(self, particles: Particles | None = None, density: float | None = None, name: str = "body") -> None:
         self.x: Floats = np.empty((0, 3))
         self.radius: Floats = np.empty(0)
-        self.density: Floats = np.empty(0)
+        self._densities: list[float] = []
         self.part_of: NDArray[np.int32] = np.empty(0, np.int32)
         self.parts: list[str] = []
         self.bonds: list[BondSet] = []
@@ -111,11 +111,16 @@ class Model:
             raise InputError(f"particle {twins[1] - first} of part {name!r} is at the same place as particle {other}.")
         self.x = everywhere
         self.radius = np.concatenate([self.radius, particles.radius])
-        self.density = np.concatenate([self.density, np.full(len(particles), density)])
+        self._densities.append(density)
         self.part_of = np.concatenate([self.part_of, np.full(len(particles), len(self.parts), np.int32)])
         self.parts.append(name)
         self.changes += 1
         return Selection(np.arange(first, len(self)), name, self._mark)
+
+    @property
+    def density(self) -> Floats:
+        """Density of each particle (n,) [kg/m3]."""
+        return np.array(self._densities)[self.part_of]
 
     @property
     def mass(self) -> Floats:

@@ -263,8 +263,9 @@ class Simulation:
     def particles(self) -> SimpleNamespace:
         """Copies of the particle fields in the model's own order: x, v, w, force, torque (n, 3), q (n, 4), ..."""
         p, n = self.state.particles, len(self.model)
-        names = ("x", "q", "v", "w", "force", "torque", "work", "dragged")
+        names = ("x", "q", "v", "w", "force", "torque", "work")
         fields = {name: p[name].T[self.state.position] for name in names}
+        fields["dragged"] = p["dragged"][self.state.position] if "dragged" in p else np.zeros(n)
         fields |= {name: np.broadcast_to(p[name], n)[self.state.position] for name in ("mass", "inertia")}
         return SimpleNamespace(**fields)
 
@@ -294,7 +295,7 @@ class Simulation:
         force (m, 3): force on the first end [N]; damage (m,); energy (m,) [J]; i, j, kn, ks, kt, kb, area, ... (m,).
         """
         number = self._number(bonds)
-        block, order = self.state.blocks[number], self.state.bond_order[number]
+        block, order = self.state.blocks[number], self.state.bond_order(number)
         back = np.empty(len(order), np.int64)
         back[order] = np.arange(len(order))
         arrays = self.state.bonds[block.name]
@@ -319,8 +320,9 @@ class Simulation:
         reference = Reference(tuple(self.state.chord(arrays)), tuple(arrays["normal"]))
         stretch = on_arrays(self.state.element(number).stretch)(on_arrays(relative_pose)(i, j), reference)
         slip, tau = np.empty(len(joints.pairs)), np.empty(len(joints.pairs))
-        slip[self.state.bond_order[number]] = np.sqrt(sum(c * c for c in stretch.slip))
-        tau[self.state.bond_order[number]] = (1.0 - arrays["damage"]) * arrays["ks"] / arrays["area"]
+        order = self.state.bond_order(number)
+        slip[order] = np.sqrt(sum(c * c for c in stretch.slip))
+        tau[order] = (1.0 - arrays["damage"]) * arrays["ks"] / arrays["area"]
         return slip, tau * slip
 
     def _number(self, bonds: BondSet) -> int:

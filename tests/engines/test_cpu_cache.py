@@ -72,7 +72,7 @@ def make(slope):
     def law(d, m, p, power=2.0, *, scale=1.0):
         def inner(a):
             return a + 7.0 * SHIFT
-        return minimum(1.0, slope * share(d.slip) / LIMIT) * inner(power) * scale, Memory(m.largest)
+        return minimum(1.0, slope * share(max(0.0, d.slip)) / LIMIT) * inner(power) * scale, Memory(m.largest)
     return law
 
 SHIFT = 0.25
@@ -95,6 +95,7 @@ def key_of(text: str) -> str:
     [
         ("slope * share", "slope + share"),
         ("minimum(", "maximum("),
+        ("max(0.0", "min(0.0"),
         ("0.5 * a", "0.6 * a"),
         ("0.5 * a", "-0.5 * a"),
         ("LIMIT = 1.0", "LIMIT = 2.0"),
