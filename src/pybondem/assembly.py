@@ -19,7 +19,7 @@ from pybondem.physics.types import DragFunction, Motion, Pose, Reference, Sectio
 from pybondem.program import BOND, JOINT, Block, Body, Element, Program, Reads, Stage
 from pybondem.state import BOND_FIELDS, CHORD, ENERGY, LOAD, PARTICLE_FIELDS, allocate
 
-Ints = NDArray[np.int64]
+Ints = NDArray[np.integer[Any]]
 Floats = NDArray[np.float64]
 
 # What the bodies of `program` read and write, in the order of their arguments and results.

@@ -47,19 +47,19 @@ def same_place(x: Floats, radius: float) -> tuple[int, int] | None:
     return None if len(pairs) == 0 else (int(pairs[0].min()), int(pairs[0].max()))
 
 
-def memory_order(x: Floats, radius: Floats) -> Ints:
+def memory_order(x: Floats, radius: Floats) -> NDArray[np.int32]:
     """Return the order in which particles are kept: slab by slab along the longest side, row by row in a slab.
 
     The neighbours of consecutive particles then lie in a few streams of consecutive particles, which gathers follow
     better than a Morton or Hilbert curve (measured: 20 against 25 ns per bond-step at 100 000 particles).
     """
     if len(x) == 0:
-        return np.empty(0, np.int64)
+        return np.empty(0, np.int32)
     sides = np.ptp(x, axis=0)
     first, second, third = np.argsort(-sides, kind="stable")
     cell = 0.8 * float(np.mean(2.0 * radius))
     slab, row = (np.floor((x[:, a] - x[:, a].min()) / cell + 0.5).astype(np.int64) for a in (first, second))
-    return np.lexsort((x[:, third], row, slab))
+    return np.lexsort((x[:, third], row, slab)).astype(np.int32)
 
 
 def own_bonds(i: NDArray[np.uint32], j: NDArray[np.uint32], n: int) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
