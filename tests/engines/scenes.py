@@ -23,10 +23,10 @@ def families(toughness: float = 1.0) -> Families:
     At toughness 1 some bonds of each kind are whole, some softening and some broken in the state of `Scene.loaded`.
     """
 
-    def soft(peak, end, stiffness=None):
+    def soft(peak: float, end: float, stiffness: float | None = None) -> Any:
         return bd.bilinear(slip_peak=toughness * peak, slip_end=toughness * end, stiffness=stiffness)
 
-    def brittle(tension, shear, share):
+    def brittle(tension: float, shear: float, share: float) -> Any:
         return bd.strength(tension=toughness * tension, shear=toughness * shear, moment_share=share)
 
     return {
@@ -85,19 +85,17 @@ class Scene:
     v: np.ndarray
     w: np.ndarray
 
-    def build(self, engine: str, prepare: Callable[[bd.Model], None] | None = None, **options: Any) -> Any:
-        """Return a simulation of the scene in its state; `sim.sets` are its bond sets by family."""
+    def build(self, engine: str, prepare: Callable[[bd.Model], None] | None = None, **options: Any) -> bd.Simulation:
+        """Return a simulation of the scene in its state; its model has one bond set per family, in their order."""
         model = bd.Model(bd.packing.Particles(self.x0, self.radius), density=DENSITY)
-        sets = {}
         for name, bond in self.families.items():
             if isinstance(bond, bd.Joint):
-                sets[name] = model.join(self.pairs[name], bond, normal=self.normals[name], area=5e-5)
+                model.join(self.pairs[name], bond, normal=self.normals[name], area=5e-5)
             else:
-                sets[name] = model.bond(self.pairs[name], bond)
+                model.bond(self.pairs[name], bond)
         if prepare:
             prepare(model)
         sim = bd.Simulation(model, engine=engine, **({"dt": DT} | options))
-        sim.sets = sets
         self.put(sim)
         return sim
 
