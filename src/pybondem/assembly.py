@@ -7,16 +7,31 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pybondem import program as pg
-from pybondem.bonds import Bond, DamageLaw, Value
+from pybondem import bond_answers as answers
+from pybondem import bond_bodies as bodies
+from pybondem import particle_bodies
+from pybondem.bond_answers import BOND, JOINT, Answer, Damaging, Element, Loading
+from pybondem.bonds import Bond, ValuedLaw, Value
 from pybondem.boundaries import GroupTables
-from pybondem.errors import InputError
+from pybondem.engines.reference import on_arrays
+from pybondem.errors import InputError, LawError
 from pybondem.model import BondSet, Model
 from pybondem.neighbours import memory_order, own_bonds
 from pybondem.physics.elastic.section import area as circle_area
 from pybondem.physics.elastic.section import bending_modulus
-from pybondem.physics.types import DragFunction, Motion, Pose, Reference, Section, Stiffness, Viscosity
-from pybondem.program import BOND, JOINT, Block, Body, Element, Program, Reads, Stage
+from pybondem.physics.types import (
+    ComponentRates,
+    Components,
+    DragFunction,
+    Motion,
+    Pose,
+    Reference,
+    Section,
+    Stiffness,
+    Viscosity,
+)
+from pybondem.program import Block, Body, Program, Reads, Stage
+from pybondem.scatter import Scatter
 from pybondem.state import BOND_FIELDS, CHORD, ENERGY, LOAD, PARTICLE_FIELDS, allocate
 
 Ints = NDArray[np.integer[Any]]
@@ -27,8 +42,15 @@ POSE, POSE_I, POSE_J = (Pose, "x", "q"), (Pose, "x.i", "q.i"), (Pose, "x.j", "q.
 MOTION, MOTION_I, MOTION_J = (Motion, "v", "w"), (Motion, "v.i", "w.i"), (Motion, "v.j", "w.j")
 AHEAD_I, AHEAD_J = (Motion, "v_ahead.i", "w_ahead.i"), (Motion, "v_ahead.j", "w_ahead.j")
 STIFFNESS = (Stiffness, "kn", "ks", "kt", "kb")
-VISCOUS = (AHEAD_I, AHEAD_J, (Viscosity, "cn", "cs", "ct", "cb"), "power", "damped", "dt")
-GROWTH = ("damage", "potential", "lost")
+SECTION = (Section, "area", "modulus")
+FLOW = (bodies.Flow, AHEAD_I, AHEAD_J, (Viscosity, "cn", "cs", "ct", "cb"), "power", "damped", "dt")
+# What a law writes, but for its memory: with one damage, with one for each mode, with loads of its own.
+WRITES = {
+    ("damage", 1): ("damage", "potential", "lost"),
+    ("damage", 4): ("damage", "damages", "potentials", "lost"),
+    ("bond", 1): ("before", "answer", "potential", "lost"),
+}
+SMALL_STRAIN = 1e-6  # that a bond law's stiffness is measured at
 DRAG = ("drag", "drag_torque")
 START = (POSE, MOTION, "force", "torque")
 START_REST = ("mass", "inertia", "hold", "turn_hold", "velocity", "spin", "push", "push_torque", "work", "dt")
@@ -138,19 +160,22 @@ def _bond_arrays(bonds: BondSet, model: Model, position: Ints) -> dict[str, Any]
     mass, inertia = (uniform(of[i] * of[j] / (of[i] + of[j])) for of in (model.mass, model.inertia))
     for c, k, reduced in (("cn", "kn", mass), ("cs", "ks", mass), ("ct", "kt", inertia), ("cb", "kb", inertia)):
         arrays[c] = 2.0 * bonds.bond.damping * np.sqrt(arrays[k] * reduced)
-    law = _law(bonds)
+    law = bonds.bond.law
     if law is not None:
-        arrays |= allocate(BOND_FIELDS, set(GROWTH), len(order))
+        arrays |= allocate(BOND_FIELDS, set(WRITES[law.kind, law.modes]), len(order))
         arrays |= {f"m_{name}": np.zeros(len(order)) for name in law.memory._fields}
-    if bonds.bond.damping > 0.0:
+        if "damage" in law.memory._fields:
+            arrays["damage"] = arrays["m_damage"]
+    if flows(bonds):
         arrays |= allocate(BOND_FIELDS, {"power", "damped"}, len(order))
     if bonds.normal is not None:  # swapping the ends turns r0 and the normal together
         arrays["normal"] = np.ascontiguousarray(np.where(swapped[:, None], -bonds.normal, bonds.normal)[order].T)
     return arrays
 
 
-def _law(bonds: BondSet) -> DamageLaw | None:
-    return bonds.bond.damage if isinstance(bonds.bond, Bond) else bonds.bond.law
+def flows(bonds: BondSet) -> bool:
+    """Return whether a bond set has dashpots, or a law that reads rates or the time step."""
+    return bonds.bond.damping > 0.0 or (bonds.bond.law is not None and bonds.bond.law.flows)
 
 
 def _values(bonds: BondSet, model: Model) -> dict[str, Any]:
@@ -166,13 +191,26 @@ def _values(bonds: BondSet, model: Model) -> dict[str, Any]:
         area = uniform(bonds.area)
         stiffness, section = bonds.bond.stiffness(area), Section(area, 1.0)  # carries no moment: any modulus will do
     values = {**stiffness._asdict(), **section._asdict()}
-    law = _law(bonds)
-    if law is not None:
-        values |= {f"p_{name}": value for name, value in law.parameters._asdict().items()}
+    if bonds.bond.law is not None:
+        middle = 0.5 * (model.x[i] + model.x[j])
+        values |= {f"p_{name}": value for name, value in law_values(bonds.bond.law, middle)._asdict().items()}
     for name, value in values.items():
         if np.ndim(value) == 1 and len(value) != len(i):
             known = name.removeprefix("p_")
             raise InputError(f"{known} has {len(value)} values; give one number or one per bond ({len(i)}).")
+    return values
+
+
+def law_values(law: ValuedLaw, middle: Floats) -> Any:
+    """Return the parameters of a law with a value per bond in the place of each Scatter; middle (m, 3): of bonds [m].
+
+    Raises InputError where one of these values may not be taken.
+    """
+    given = law.parameters
+    drawn = {name: value.values(middle) for name, value in given._asdict().items() if isinstance(value, Scatter)}
+    values = given._replace(**drawn)
+    if drawn:
+        law.declared.check_values(values)
     return values
 
 
@@ -184,14 +222,14 @@ def step_program(done: Assembly, gravity: tuple[float, float, float], drag: Drag
     particles = done.particles
     particles.update(gravity=gravity, no_push=(0.0, 0.0, 0.0))
     if drag is None:
-        start = Stage("particles", pg.start, (*START, *START_REST), STARTED)
-        finish = Stage("particles", pg.finish, (*FINISH, *FINISH_REST), FINISHED, after=True)
+        start = Stage("particles", particle_bodies.start, (*START, *START_REST), STARTED)
+        finish = Stage("particles", particle_bodies.finish, (*FINISH, *FINISH_REST), FINISHED, after=True)
     else:
         particles.update(allocate(PARTICLE_FIELDS, {*DRAG, "dragged"}, len(done.order)), coefficient=drag.coefficient)
         reads: Reads = (*START, *DRAG, "dragged", *START_REST)
-        start = Stage("particles", pg.start_dragged, reads, (*STARTED, "dragged"))
+        start = Stage("particles", particle_bodies.start_dragged, reads, (*STARTED, "dragged"))
         reads, writes = (*FINISH, "dragged", *FINISH_REST, "coefficient"), (*FINISHED, *DRAG, "dragged")
-        finish = Stage("particles", pg.finish_dragged(drag.law), reads, writes, after=True)
+        finish = Stage("particles", particle_bodies.finish_dragged(drag.law), reads, writes, after=True)
     stages = (start, *(bond_stage(done, b) for b in range(len(done.blocks))), Stage("gather"), finish)
     if not any(condition.kind == "push" for condition in done.model.boundaries.conditions):
         stages = tuple(_without_pushes(stage) for stage in stages)
@@ -207,21 +245,33 @@ def _without_pushes(stage: Stage) -> Stage:
 def bond_stage(done: Assembly, number: int) -> Stage:
     """Return the stage of one bond block in the time step."""
     bonds, element = done.model.bonds[number], done.element(number)
-    law = _law(bonds)
-    reads: Reads = (POSE_I, POSE_J, reference(bonds), STIFFNESS)
+    law = bonds.bond.law
+    state: Reads = (answers.Elastic, STIFFNESS)
     writes: tuple[str, ...] = ("load",)
     if law is not None:
         memory = tuple(f"m_{n}" for n in law.memory._fields)
         parameters = (type(law.parameters), *(f"p_{n}" for n in law.parameters._fields))
-        reads += ((Section, "area", "modulus"), parameters, (law.memory, *memory), *GROWTH)
-        writes += (*GROWTH, *memory)
-    if bonds.bond.damping > 0.0:
-        reads += VISCOUS
-        writes += ("power", "damped")
-        body = pg.viscous_body(element) if law is None else pg.damaging_viscous_body(element, law.function)
-    else:
-        body = pg.elastic_body(element) if law is None else pg.damaging_body(element, law.function)
-    return Stage(done.blocks[number].name, body, reads, writes)
+        book = WRITES[law.kind, law.modes]
+        read = book if len(book) == 3 or law.kind == "bond" else book[1:]  # the least damage of all modes is only told
+        state = (Loading if law.kind == "bond" else Damaging, STIFFNESS, SECTION, parameters, (law.memory, *memory), *read)
+        writes += (*book, *memory)
+    answer = _answer(bonds, element)
+    reads: Reads = (POSE_I, POSE_J, reference(bonds), state)
+    if flows(bonds):
+        body = bodies.flowing_body(element, answer)
+        return Stage(done.blocks[number].name, body, (*reads, FLOW), (*writes, "power", "damped"))
+    return Stage(done.blocks[number].name, bodies.bond_body(answer), reads, writes)
+
+
+def _answer(bonds: BondSet, element: Element) -> Answer:
+    """Return how the bonds of a set answer."""
+    law = bonds.bond.law
+    if law is None:
+        return answers.elastic_answer(element)
+    if law.kind == "bond":
+        return answers.law_answer(element, law.function, law.memory, law.flows, law.potential)
+    of = answers.damage_answer if law.modes == 1 else answers.damage_answer_of_modes
+    return of(element, law.function, len(law.memory._fields), law.flows, bonds.bond.hand_over)
 
 
 def reference(bonds: BondSet) -> Reads:
@@ -235,9 +285,21 @@ def energy_program(done: Assembly) -> Program:
     That array is put in the place of an empty one at every call: it need not stay.
     """
     shared = done.shared | allocate((ENERGY,), {"energy"}, 0)
-    bonds = {name: {"damage": 0.0} | arrays for name, arrays in done.bonds.items()}
-    stages = _stages(done, pg.energy_body, (POSE_I, POSE_J), ("damage",), "energy")
-    return Program(stages, done.blocks, done.particles, bonds, shared)
+    arrays = {name: {"damage": 0.0} | arrays for name, arrays in done.bonds.items()}
+    stages = tuple(_energy_stage(done, number) for number in range(len(done.blocks)))
+    return Program(stages, done.blocks, done.particles, arrays, shared)
+
+
+def _energy_stage(done: Assembly, number: int) -> Stage:
+    """Return the stage that evaluates the elastic energy of one bond block."""
+    bonds, element, name = done.model.bonds[number], done.element(number), done.blocks[number].name
+    law = bonds.bond.law
+    if law is not None and law.kind == "bond":
+        return Stage(name, bodies.stored_energy, (POSE_I, POSE_J, "potential"), ("energy",))
+    one = law is None or law.modes == 1
+    body = (bodies.energy_body if one else bodies.energy_body_of_modes)(element, bonds.bond.hand_over)
+    reads = (POSE_I, POSE_J, reference(bonds), STIFFNESS, "damage" if one else "damages")
+    return Stage(name, body, reads, ("energy",))
 
 
 def linear_program(done: Assembly, dashpots: bool = False) -> Program:
@@ -245,19 +307,44 @@ def linear_program(done: Assembly, dashpots: bool = False) -> Program:
 
     dashpots: of its dashpots instead: velocities v [m/s], spins w [rad/s] -> forces, torques.
     """
-    bonds = done.bonds
-    if dashpots:
-        bonds = {name: arrays | {f"k{m}": arrays[f"c{m}"] for m in "nstb"} for name, arrays in bonds.items()}
+    arrays = dict(done.bonds)
+    for block, bonds in zip(done.blocks, done.model.bonds, strict=True):
+        own = done.bonds[block.name]
+        if dashpots:
+            arrays[block.name] = own | {f"k{m}": own[f"c{m}"] for m in "nstb"}
+        elif bonds.bond.law is not None and bonds.bond.law.kind == "bond":
+            arrays[block.name] = own | tangent(bonds.bond.law, own, np.linalg.norm(done.chord(own), axis=0))
     particles = allocate(PARTICLE_FIELDS, {"v", "w", "force", "torque"}, len(done.order))
     particles["start"] = done.particles["start"]
     shared = {"load": np.zeros_like(done.shared["load"]), "first": done.shared["first"], "ends": done.shared["ends"]}
-    stages = _stages(done, pg.linear_body, (MOTION_I, MOTION_J), (), "load")
-    return Program((*stages, Stage("gather")), done.blocks, particles, bonds, shared)
-
-
-def _stages(done: Assembly, body: Callable[[Element], Body], ends: Reads, more: Reads, write: str) -> tuple[Stage, ...]:
-    """Return a stage for each block: a body of its element's two ends, reference, stiffness and more writes a field."""
-    return tuple(
-        Stage(block.name, body(done.element(b)), (*ends, reference(bonds), STIFFNESS, *more), (write,))
+    stages = tuple(
+        Stage(block.name, bodies.linear_body(done.element(b)), (MOTION_I, MOTION_J, reference(bonds), STIFFNESS), ("load",))
         for b, (block, bonds) in enumerate(zip(done.blocks, done.model.bonds, strict=True))
     )
+    return Program((*stages, Stage("gather")), done.blocks, particles, arrays, shared)
+
+
+def tangent(law: ValuedLaw, arrays: dict[str, Any], length: Floats) -> dict[str, Any]:
+    """Return the stiffness of undeformed bonds under a bond law: the steeper of loading both ways, for each mode.
+
+    arrays: of the block; length (bonds,) [m]. Raises LawError where the law's answer is not finite.
+    """
+    size = (length, np.broadcast_to(arrays["area"], len(length)))
+    k = Stiffness(*(np.broadcast_to(arrays[name], len(length)) for name in STIFFNESS[1:]))
+    parameters = type(law.parameters)(*(arrays[f"p_{name}"] for name in law.parameters._fields))
+    memory = law.memory(*(np.zeros(len(length)) for _ in law.memory._fields))
+    still, function = ComponentRates(*6 * (0.0,)), on_arrays(law.function)
+    found: dict[str, Any] = {}
+    for name, mode in (("kn", 0), ("ks", 1), ("kt", 3), ("kb", 4)):
+        h = SMALL_STRAIN * length if mode < 3 else np.full(len(length), SMALL_STRAIN)
+        answers = []
+        for sign in (-1.0, 0.0, 1.0):
+            u = [np.zeros(len(length)) for _ in range(6)]
+            u[mode] = sign * h
+            loads, _ = function(Components(*u, *size), k, memory, parameters, still, 0.0)
+            answers.append(np.broadcast_to(loads[mode], len(length)))
+        if not np.isfinite(answers).all():
+            raise LawError(f"{law.name} answers {loads._fields[mode]} with a load that is not finite near rest.")
+        slopes = np.abs(np.diff(answers, axis=0)) / h
+        found[name] = uniform(slopes.max(axis=0))
+    return found

@@ -1,25 +1,25 @@
-"""What holds two particles together: an elastic form and a damage law, with their values.
+"""What holds two particles together: an elastic form and a law, with their values.
 
 In a script:
 
     Bond(parallel(E=1e9, stiffness_ratio=2.0), strength(tension=5e6, shear=10e6), damping=0.1)
     Joint(bilinear(stiffness=6e7, slip_peak=1e-4, slip_end=4e-4))
+
+The laws themselves are in `laws`.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pybondem.check import finite_array, fraction, nonnegative, positive, positive_array
+from pybondem.check import finite_array, fraction, nonnegative, positive
 from pybondem.errors import InputError
-from pybondem.physics.damage.bilinear import BilinearMemory, BilinearParameters, bilinear_damage
-from pybondem.physics.damage.strength import StrengthMemory, StrengthParameters, strength_damage
 from pybondem.physics.elastic.beam import euler_bernoulli_stiffness, timoshenko_stiffness
 from pybondem.physics.elastic.parallel import parallel_stiffness
-from pybondem.physics.types import DamageFunction, Stiffness
+from pybondem.physics.types import LawFunction, PotentialFunction, Stiffness
 
 Value = float | NDArray[np.float64]
 
@@ -32,36 +32,71 @@ class Elastic:
     radius_ratio: float = 1.0
 
 
-@dataclass(frozen=True)
-class DamageLaw:
-    """A damage law with its values.
+class Declared(Protocol):
+    """What a law with values knows of its declaration."""
 
-    function(deformation, memory, parameters) -> (damage, memory), in the words of `ops`; parameters: the values as a
-    named tuple of numbers, or arrays with one value per bond; memory: the type of its memory, which starts at zero;
-    stiffness: shear stiffness per area [Pa/m] that the law brings for joints, if any.
+    def check_values(self, values: Any) -> None:
+        """Raise InputError where values (a named tuple of numbers or arrays) may not be taken."""
+
+    def check(self, *values: Any, quiet: bool = False, **named: Any) -> Any:
+        """Try the law with these values on every engine; print and return what was found."""
+
+    def plot(self, *values: Any, path: str | None = None, **named: Any) -> Any:
+        """Draw what the law with these values answers to driven paths."""
+
+
+@dataclass(frozen=True)
+class ValuedLaw:
+    """A law with its values, ready for a Bond or a Joint.
+
+    kind: "damage" or "bond"; function: see `physics.types.LawFunction`; parameters: the values as a named tuple of
+    numbers, arrays with one value per bond, or a Scatter; memory: the type of its memory, which starts at zero; modes: 1
+    where one damage serves all modes, 4 where each has its own; flows: whether it reads rates or the time step;
+    branches: whether it cannot take whole arrays; potential: stored energy of a bond law; stiffness: shear stiffness per
+    area [Pa/m] that the law brings for joints, if any; declared: the law itself.
     """
 
-    function: DamageFunction
+    name: str
+    kind: str
+    function: LawFunction
     parameters: Any
     memory: type[Any]
-    stiffness: float | None = None
+    modes: int
+    flows: bool
+    branches: bool
+    potential: PotentialFunction | None
+    stiffness: float | None
+    declared: Declared
+
+    def check(self, quiet: bool = False) -> Any:
+        """Try the law with these values on every engine; print and return what was found."""
+        return self.declared.check(quiet=quiet, **self.parameters._asdict())
+
+    def plot(self, path: str | None = None) -> Any:
+        """Draw what the law with these values answers to driven paths; path: of a figure file to write."""
+        return self.declared.plot(path=path, **self.parameters._asdict())
 
 
 @dataclass(frozen=True)
 class Bond:
-    """A bond: elastic form, damage law (None: unbreakable), damping ratio zeta of its dashpots [-]."""
+    """A bond: elastic form, law (None: unbreakable), damping ratio zeta of its dashpots [-].
+
+    hand_over: once all of it has failed the bond answers nothing, not even to being pressed together: its pair goes to a
+    contact law. By default a broken bond that is pressed together keeps its normal stiffness.
+    """
 
     elastic: Elastic
-    damage: DamageLaw | None = None
+    law: ValuedLaw | None = None
     damping: float = 0.0
+    hand_over: bool = False
 
     def __post_init__(self) -> None:
         if not isinstance(self.elastic, Elastic):
             raise InputError(f"Bond needs an elastic form (parallel, timoshenko, springs ...), got {self.elastic!r}.")
-        if self.damage is not None and not isinstance(self.damage, DamageLaw):
-            raise InputError(f"The damage of Bond is {self.damage!r}; give a damage law (strength, bilinear) or None.")
-        if self.damage is not None and self.damage.stiffness is not None:
-            raise InputError("the law of Bond brings a stiffness per area, which is for Joint; leave stiffness out.")
+        if self.law is not None:
+            _check_law("Bond", self.law)
+            if self.law.stiffness is not None:
+                raise InputError("the law of Bond brings a stiffness per area, which is for Joint; leave stiffness out.")
         nonnegative("damping of Bond", self.damping, "1")
 
 
@@ -69,15 +104,18 @@ class Bond:
 class Joint:
     """An interface bond: a law that brings its shear stiffness per area, normal stiffness per area [Pa/m].
 
-    normal_stiffness defaults to the shear stiffness; damping is the damping ratio zeta of its dashpots [-].
+    normal_stiffness defaults to the shear stiffness; damping is the damping ratio zeta of its dashpots [-]; hand_over as
+    in `Bond`.
     """
 
-    law: DamageLaw
+    law: ValuedLaw
     normal_stiffness: float | None = None
     damping: float = 0.0
+    hand_over: bool = False
 
     def __post_init__(self) -> None:
-        if not isinstance(self.law, DamageLaw) or self.law.stiffness is None:
+        _check_law("Joint", self.law)
+        if self.law.stiffness is None:
             raise InputError("Joint needs a law with a stiffness per area, for example bilinear(stiffness=6e7, ...).")
         if self.normal_stiffness is not None:
             nonnegative("normal_stiffness of Joint", self.normal_stiffness, "Pa/m")
@@ -129,39 +167,10 @@ def springs(
     return Elastic(lambda r, length: values, _ratio(radius_ratio))
 
 
-def strength(tension: ArrayLike, shear: ArrayLike, moment_share: float = 1.0) -> DamageLaw:
-    """Return brittle strength: tension, shear [Pa], numbers or one value per bond; moment_share beta in [0, 1].
-
-    Potyondy & Cundall (2004) with the moment share of Potyondy (2011). A broken bond that is pressed together keeps its
-    normal stiffness. Raises InputError unless positive.
-    """
-    values = (_positive("tension of strength", tension, "Pa"), _positive("shear of strength", shear, "Pa"))
-    share = fraction("moment_share of strength", moment_share, 0.0, 1.0)
-    return DamageLaw(strength_damage, StrengthParameters(*values, share), StrengthMemory)
-
-
-def bilinear(slip_peak: ArrayLike, slip_end: ArrayLike, stiffness: float | None = None) -> DamageLaw:
-    """Return bilinear softening on the slip: onset slip_peak, failure slip_end [m], numbers or one value per bond.
-
-    stiffness: shear stiffness per area k_S [Pa/m] when the law is used in a Joint; tau_max = k_S slip_peak and
-    G_f = tau_max slip_end / 2. Raises InputError unless 0 < slip_peak < slip_end.
-    """
-    peak, end = _positive("slip_peak of bilinear", slip_peak, "m"), _positive("slip_end of bilinear", slip_end, "m")
-    if np.ndim(peak) == np.ndim(end) == 1 and np.size(peak) != np.size(end):
-        sizes = f"{np.size(peak)} and {np.size(end)}"
-        raise InputError(
-            f"slip_peak and slip_end of bilinear have {sizes} values; give as many of one as of the other."
-        )
-    low, high = np.broadcast_arrays(peak, end)
-    if np.any(high <= low):
-        k = int(np.argmax(high <= low))
-        which = f"[{k}]" if high.ndim else ""
-        raise InputError(
-            f"slip_end of bilinear{which} is {high.flat[k]:g} m; it must exceed slip_peak, {low.flat[k]:g} m."
-        )
-    if stiffness is not None:
-        stiffness = positive("stiffness of bilinear", stiffness, "Pa/m")
-    return DamageLaw(bilinear_damage, BilinearParameters(peak, end), BilinearMemory, stiffness)
+def _check_law(what: str, law: Any) -> None:
+    if not isinstance(law, ValuedLaw):
+        values = f"; {law.name} needs values: {law.name}(...)" if hasattr(law, "check_values") else ""
+        raise InputError(f"the law of {what} is {law!r}; give a law with its values, such as strength(...){values}.")
 
 
 def _ratio(radius_ratio: float) -> float:
@@ -173,10 +182,6 @@ def _shear_modulus(form: str, E: float, nu: float) -> float:
     if nu == -1.0:
         raise InputError(f"nu of {form} is -1; it must be above -1 (the shear modulus E / (2 (1 + nu)) is infinite).")
     return float(E) / (2.0 * (1.0 + nu))
-
-
-def _positive(name: str, value: ArrayLike, unit: str) -> Value:
-    return positive(name, value, unit) if np.ndim(value) == 0 else positive_array(name, value, (None,), unit)
 
 
 def _stiffness(name: str, value: ArrayLike) -> Value:

@@ -19,3 +19,7 @@ class EngineError(BondemError, RuntimeError):
 
 class UnstableError(BondemError, ArithmeticError):
     """The time step is above the critical one, or a run has blown up."""
+
+
+class LawError(BondemError):
+    """A law is not one: wrong arguments or results, a name it does not have, values that are not finite."""

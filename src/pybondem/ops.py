@@ -1,16 +1,16 @@
 """The words that physics may use.
 
-A vector is a tuple of components; a component is a float (plain Python, Numba, CUDA) or an array (NumPy). The six
+A vector is a tuple of components; a component is a float (plain Python, Numba, CUDA) or an array (NumPy). The seven
 words below that are not plain arithmetic are replaced by each engine's own versions (`engines/binding.py`); all
 the others are built from them, so one text serves every engine.
 """
 
-from math import exp, sqrt
+from math import exp, log, sqrt
 from typing import Any
 
 __all__ = [
     "Number", "Quaternion", "Vector",
-    "absolute", "add", "cross", "dot", "exp", "maximum", "minimum", "minus", "norm", "normal_to",
+    "absolute", "add", "cross", "dot", "exp", "log", "maximum", "minimum", "minus", "norm", "normal_to",
     "quaternion_product", "rotate", "sqrt", "times", "where",
 ]  # fmt: skip
 

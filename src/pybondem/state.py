@@ -41,7 +41,7 @@ PARTICLE_FIELDS = (
     Field("dragged", 1, np.float64, "J", "energy taken by local or global damping"),
 )
 
-# A damage law adds its own: p_NAME for each of its parameters, m_NAME for each word of its memory.
+# A law adds its own: p_NAME for each of its parameters, m_NAME for each word of its memory.
 BOND_FIELDS = (
     Field("i", 1, np.uint32, "-", "first end"),
     Field("j", 1, np.uint32, "-", "second end"),
@@ -58,9 +58,13 @@ BOND_FIELDS = (
     Field("modulus", 1, np.float64, "m3", "bending modulus I/Rb of the cross-section"),
     Field("power", 1, np.float64, "W", "power that the dashpots of the bond take"),
     Field("damped", 1, np.float64, "J", "energy that the dashpots of the bond have taken"),
-    Field("damage", 1, np.float64, "-", "damage D, 0 whole to 1 broken"),
-    Field("potential", 1, np.float64, "J", "energy of the modes open to damage, as if undamaged"),
-    Field("lost", 1, np.float64, "J", "energy that damage has dissipated"),
+    Field("damage", 1, np.float64, "-", "damage D, 0 whole to 1 broken; the least of the modes where each has its own"),
+    Field("damages", 4, np.float64, "-", "damage of each mode: normal, shear, twist, bending"),
+    Field("potential", 1, np.float64, "J", "energy open to damage, as if undamaged; energy stored under a bond law"),
+    Field("potentials", 4, np.float64, "J", "energy open to damage of each mode, as if undamaged"),
+    Field("lost", 1, np.float64, "J", "energy that the law has dissipated"),
+    Field("before", 6, np.float64, "m, rad", "components of deformation that a bond law last saw"),
+    Field("answer", 6, np.float64, "N, N m", "loads that a bond law last answered"),
 )
 
 CHORD = "r0"  # chord from i to j when the bond was made [m]: not stored, read as start.j - start.i

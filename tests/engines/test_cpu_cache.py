@@ -4,16 +4,15 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
 import pybondem as bd
 from pybondem import ops
 from pybondem.assembly import assemble, step_program
-from pybondem.bonds import DamageLaw
 from pybondem.engines.cpu import cache_folder, fingerprint
 from pybondem.engines.loops import Loops
-from pybondem.physics.damage.bilinear import BilinearMemory, BilinearParameters
 
 RUN = """
 import time
@@ -68,11 +67,14 @@ LIMIT = 1.0
 def share(a):
     return 0.5 * a
 
+def least(a, b):
+    return minimum(a, b) + 1.5
+
 def make(slope):
-    def law(d, m, p, power=2.0, *, scale=1.0):
-        def inner(a):
-            return a + 7.0 * SHIFT
-        return minimum(1.0, slope * share(max(0.0, d.slip)) / LIMIT) * inner(power) * scale, Memory(m.largest)
+    def law(d, m):
+        def inner(a, power=2.0, *, scale=1.0):
+            return a + power * scale * 7.0 * SHIFT
+        return minimum(1.0, slope * share(max(0.0, d.slip)) / LIMIT) * inner(2.5), words.least(m.largest, 0.0)
     return law
 
 SHIFT = 0.25
@@ -82,9 +84,10 @@ law = make(3.0)
 
 def key_of(text: str) -> str:
     """Return the fingerprint of a step program with a damage law of this text."""
-    names = {"minimum": ops.minimum, "maximum": ops.maximum, "Memory": BilinearMemory}
+    names = {"minimum": ops.minimum, "maximum": ops.maximum, "words": ModuleType("words")}
     exec(compile(text, "<law>", "exec"), names)
-    law = DamageLaw(names["law"], BilinearParameters(1e-4, 2e-4), BilinearMemory)
+    vars(names["words"]).update(least=names["least"])
+    law = bd.damage_law(names["law"], memory={"largest": "m"})()
     model = bd.Model(bd.packing.line(2, spacing=1e-2, diameter=1e-2), density=2500.0)
     model.bond(model.touching(), bd.Bond(bd.parallel(E=1e9, stiffness_ratio=2.0), law))
     return fingerprint(Loops(step_program(assemble(model), (0.0, 0.0, 0.0), None)))
@@ -100,7 +103,8 @@ def key_of(text: str) -> str:
         ("0.5 * a", "-0.5 * a"),
         ("LIMIT = 1.0", "LIMIT = 2.0"),
         ("make(3.0)", "make(4.0)"),
-        ("a + 7.0", "a + 8.0"),
+        ("* 7.0", "* 8.0"),
+        ("b) + 1.5", "b) + 2.5"),
         ("SHIFT = 0.25", "SHIFT = 0.5"),
         ("power=2.0", "power=3.0"),
         ("scale=1.0", "scale=2.0"),
@@ -127,7 +131,15 @@ def test_a_file_of_the_package_edited_is_another_program(tmp_path, monkeypatch):
     package = copytree(Path(bd.__file__).parent, tmp_path / "pybondem")
     monkeypatch.setattr(cpu, "__file__", str(package / "engines" / "cpu.py"))
     assert key_of(LAW) == before
-    for name in ("ops.py", "program.py", "engines/loops.py", "physics/elastic/beam.py"):
+    for name in (
+        "ops.py",
+        "program.py",
+        "bond_answers.py",
+        "bond_bodies.py",
+        "particle_bodies.py",
+        "engines/loops.py",
+        "physics/elastic/beam.py",
+    ):
         text = (package / name).read_text()
         (package / name).write_text(text + "\n")
         assert key_of(LAW) != before, name

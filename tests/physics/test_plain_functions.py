@@ -14,10 +14,11 @@ from physics.draws import bonds, motions, numbers, quaternion, quick, stiffnesse
 from scipy.spatial.transform import Rotation
 
 from pybondem import ops
+from pybondem.bond_answers import elastic_energy
+from pybondem.bond_bodies import ends
 from pybondem.physics import frame, joint, motion
 from pybondem.physics.elastic.beam import timoshenko_stiffness
 from pybondem.physics.types import Motion, Pose, Reference, Viscosity
-from pybondem.program import elastic_energy, ends
 
 # Words ----------------------------------------------------------------------------------------------------------
 

@@ -9,13 +9,12 @@ from hypothesis import strategies as st
 from physics.draws import bonds, numbers, quaternion, quick, stiffnesses, turns, units, vectors
 from scipy.spatial.transform import Rotation
 
+import pybondem as bd
+from pybondem.bond_answers import alike, elastic_energy, energy_open_to_damage, kept
 from pybondem.physics import frame, motion
-from pybondem.physics.damage.bilinear import BilinearMemory, BilinearParameters, bilinear_damage
-from pybondem.physics.damage.strength import StrengthMemory, StrengthParameters, strength_damage
 from pybondem.physics.elastic.beam import euler_bernoulli_stiffness, timoshenko_stiffness
 from pybondem.physics.elastic.parallel import parallel_stiffness
 from pybondem.physics.types import Deformation
-from pybondem.program import elastic_energy, energy_open_to_damage, kept
 
 # Motion ---------------------------------------------------------------------------------------------------------
 
@@ -76,7 +75,12 @@ def test_global_damping_is_that_of_the_velocity_it_leads_to(rate, force, v, mass
 
 
 def felt(slip=0.0, normal=0.0, shear=0.0, bending=0.0, twist=0.0):
-    return Deformation(0.0, slip, 0.0, 0.0, 1.0, 1.0, normal, shear, bending, twist)
+    return Deformation(0.0, slip, 0.0, 0.0, 1.0, 1.0, normal, shear, bending, twist, 1.0, 1.0)
+
+
+def answer(law, d, memory=(0.0,)):
+    """Return damage and memory of a law with its values."""
+    return law.function(d, None, law.memory(*memory), law.parameters, None, 0.0)
 
 
 @quick
@@ -84,15 +88,15 @@ def felt(slip=0.0, normal=0.0, shear=0.0, bending=0.0, twist=0.0):
 def test_bilinear_softening_is_its_traction_and_unloads_along_the_secant(s0, ratio, slips):
     """tau/k = s up to s0, s0 (sf - s)/(sf - s0) up to sf, then 0, on the largest slip so far; else along the secant."""
     sf = ratio * s0
-    memory, before, largest = BilinearMemory(0.0), 0.0, 0.0
+    law, memory, before, largest = bd.bilinear(s0, sf), (0.0,), 0.0, 0.0
     for slip in slips:
-        damage, memory = bilinear_damage(felt(slip), memory, BilinearParameters(s0, sf))
+        damage, memory = answer(law, felt(slip), memory)
         largest = max(largest, slip)
         envelope = largest if largest <= s0 else max(0.0, s0 * (sf - largest) / (sf - s0))
         expected = slip * (envelope / largest if largest > 0.0 else 1.0)
         assert (1.0 - damage) * slip == pytest.approx(expected, abs=1e-13)
         assert before <= damage <= 1.0
-        assert memory.largest == largest
+        assert memory == (largest,)
         before = damage
 
 
@@ -103,9 +107,9 @@ def test_bilinear_softening_releases_its_fracture_energy(s0, ratio):
     sf = ratio * s0
     slips = np.concatenate([[0.0, s0], np.linspace(s0, sf, 50)[1:], [1.1 * sf]])
     tractions = []
-    memory = BilinearMemory(0.0)
+    law, memory = bd.bilinear(s0, sf), (0.0,)
     for slip in slips:
-        damage, memory = bilinear_damage(felt(slip), memory, BilinearParameters(s0, sf))
+        damage, memory = answer(law, felt(slip), memory)
         tractions.append((1.0 - damage) * slip)
     assert np.trapezoid(tractions, slips) == pytest.approx(0.5 * s0 * sf, rel=1e-12)
 
@@ -118,18 +122,18 @@ def test_strength_breaks_where_a_stress_exceeds_it_and_never_heals(normal, shear
     sigma, tau = normal + share * bending, shear + share * twist
     assume(abs(sigma - tension) > 1e-9)
     assume(abs(tau - limit) > 1e-9)
-    parameters = StrengthParameters(tension, limit, share)
+    law = bd.strength(tension, limit, share)
     d = felt(normal=normal, shear=shear, bending=bending, twist=twist)
-    damage, memory = strength_damage(d, StrengthMemory(broken), parameters)
+    damage, memory = answer(law, d, (broken,))
     expected = 1.0 if broken or sigma > tension or tau > limit else 0.0
-    assert (damage, memory.broken) == (expected, expected)
-    assert strength_damage(felt(), memory, parameters) == (expected, StrengthMemory(expected))
+    assert (damage, memory) == (expected, (expected,))
+    assert answer(law, felt(), memory) == (expected, (expected,))
 
 
 @quick
 @given(pressure=numbers(0.0, 1e12))
 def test_strength_holds_under_any_pressure(pressure):
-    assert strength_damage(felt(normal=-pressure), StrengthMemory(0.0), StrengthParameters(1.0, 1.0, 1.0))[0] == 0.0
+    assert answer(bd.strength(1.0, 1.0), felt(normal=-pressure))[0] == 0.0
 
 
 @quick
@@ -137,7 +141,7 @@ def test_strength_holds_under_any_pressure(pressure):
 def test_damage_leaves_a_share_of_every_stiffness_but_that_of_closing(bond, k, damage):
     i, j, ref = bond
     s = frame.stretch(frame.relative_pose(i, j), ref)
-    left = kept(k, damage, s.opening)
+    left = kept(k, alike(damage), s.opening)
     share = 1.0 - damage
     assert left == pytest.approx((k.kn if s.opening < 0.0 else share * k.kn, share * k.ks, share * k.kt, share * k.kb))
     assert elastic_energy(s, left) == pytest.approx(

@@ -23,13 +23,13 @@ import numpy as np
 from numba.core import config
 
 from pybondem import ops
-from pybondem.engines.binding import bind, globals_of
+from pybondem.engines.binding import bind, globals_of, names_of, parts_of
 from pybondem.engines.loops import INDEX_WORDS, Loops
 from pybondem.errors import EngineError
 from pybondem.program import Program
 from pybondem.state import Arrays
 
-WORDS = {ops.sqrt: np.sqrt, ops.exp: np.exp}
+WORDS = {ops.sqrt: np.sqrt, ops.exp: np.exp, ops.log: np.log}
 SPINS = "2000"
 BONDS_PER_THREAD = 1000  # fewer are faster on fewer threads
 
@@ -88,6 +88,8 @@ def package_source() -> bytes:
     package = Path(__file__).parents[1]
     files = [
         package / "ops.py",
+        *package.glob("*_bodies.py"),
+        package / "bond_answers.py",
         package / "program.py",
         *package.glob("engines/*.py"),
         *package.glob("physics/**/*.py"),
@@ -114,6 +116,8 @@ def _code_of(value: Any, seen: list[Any]) -> bytes:
     """Return what a value compiles to: a function's byte code, names and constants, and all values that it uses."""
     if isinstance(value, np.ndarray):
         return repr((value.dtype, value.shape)).encode() + value.tobytes()
+    if isinstance(value, ModuleType):
+        return value.__name__.encode()
     if not isinstance(value, FunctionType | CodeType):
         return repr(value).encode()
     if value in seen:
@@ -122,8 +126,10 @@ def _code_of(value: Any, seen: list[Any]) -> bytes:
     if isinstance(value, CodeType):
         used = (value.co_code, value.co_names, *value.co_consts)  # the byte code holds only the places of its names
     else:
-        cells = (cell.cell_contents for cell in value.__closure__ or ())
-        used = (value.__code__, value.__defaults__, value.__kwdefaults__, *globals_of(value).values(), *cells)
+        values = [*globals_of(value).values(), *(cell.cell_contents for cell in value.__closure__ or ())]
+        names = names_of(value.__code__)
+        parts = [part for v in values if isinstance(v, ModuleType) for part in parts_of(v, names).values()]
+        used = (value.__code__, value.__defaults__, value.__kwdefaults__, *values, *parts)
     return b"\n".join(_code_of(v, seen) for v in used)
 
 

@@ -1,6 +1,8 @@
 """The reference engine: the same bodies on whole NumPy arrays. Readable, and the oracle for the others."""
 
+import math
 from collections.abc import Callable
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -11,21 +13,68 @@ from pybondem.engines.loops import GROUP, SCHEDULED
 from pybondem.program import Program, Stage
 from pybondem.state import CHORD, Arrays
 
-WORDS = {
+def largest(*values: Any) -> Any:
+    """Return the largest of several numbers, item by item."""
+    return reduce(np.maximum, values)
+
+
+def smallest(*values: Any) -> Any:
+    """Return the smallest of several numbers, item by item."""
+    return reduce(np.minimum, values)
+
+
+# Functions of `math` that NumPy has under another name.
+OTHER_NAMES = {"acos": "arccos", "asin": "arcsin", "atan": "arctan", "atan2": "arctan2", "pow": "power"}
+MATH = {
+    getattr(math, name): getattr(np, OTHER_NAMES.get(name, name))
+    for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "log10", "log1p", "log2", "expm1", "hypot", "fabs", "floor")
+}
+MATH |= {getattr(math, name): getattr(np, other) for name, other in OTHER_NAMES.items()}
+WORDS = MATH | {
     ops.sqrt: np.sqrt,
     ops.exp: np.exp,
+    ops.log: np.log,
     ops.where: np.where,
     ops.minimum: np.minimum,
     ops.maximum: np.maximum,
     ops.absolute: np.abs,
+    abs: np.abs,
+    max: largest,
+    min: smallest,
 }
 
 _ON_ARRAYS: dict[Any, Any] = {}
 
 
 def on_arrays(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a physics function that takes NumPy arrays for numbers."""
-    return bind(function, WORDS, lambda f: f, _ON_ARRAYS)
+    """Return a physics function that takes NumPy arrays for numbers; one marked `branches` goes bond by bond."""
+    return bind(function, WORDS, lambda f: one_by_one(f) if vars(f).get("branches") else f, _ON_ARRAYS)
+
+
+def one_by_one(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a law that takes NumPy arrays but is called for one bond after another, as one that says `if` must be.
+
+    What it takes: numbers, arrays (m,), and named tuples of them; what it returns: (answer, memory), see `LawFunction`.
+    """
+
+    def looped(*given: Any) -> Any:
+        items = [part for group in given for part in (group if isinstance(group, tuple) else (group,))]
+        columns = [np.atleast_1d(column) for column in np.broadcast_arrays(*items)]
+        rows = list(zip(*columns, strict=True))
+        found = [function(*_grouped(given, row)) for row in rows or [np.ones(len(columns))]]
+        answers, memories = zip(*found, strict=True)
+        kind, many = type(answers[0]), slice(len(rows))
+        alone = not issubclass(kind, tuple)
+        answer = np.array(answers)[many] if alone else kind(*(np.array(c)[many] for c in zip(*answers, strict=True)))
+        return answer, tuple(np.array(word)[many] for word in zip(*memories, strict=True))
+
+    return looped
+
+
+def _grouped(groups: tuple[Any, ...], numbers: Any) -> list[Any]:
+    """Return numbers in the place of the arrays of `groups`."""
+    rest = iter(numbers)
+    return [type(g)(*(next(rest) for _ in g)) if isinstance(g, tuple) else next(rest) for g in groups]
 
 
 class ReferenceRunner:

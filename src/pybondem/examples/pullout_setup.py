@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pybondem.bonds import Bond, DamageLaw, Joint, bilinear, springs
+from pybondem.bonds import Bond, Joint, ValuedLaw, springs
 from pybondem.check import choice, fraction, nonnegative, positive
 from pybondem.errors import InputError
 from pybondem.interface import Interface, cylindrical
+from pybondem.laws import bilinear
 from pybondem.model import BondSet, Model, Selection
 from pybondem.neighbours import pieces
 from pybondem.packing import hcp
@@ -43,7 +44,7 @@ class PullOutSetup:
     """
 
     diameter: float = 0.7
-    interface: DamageLaw = field(default_factory=lambda: bilinear(stiffness=6e7, slip_peak=1e-4, slip_end=4e-4))
+    interface: ValuedLaw = field(default_factory=lambda: bilinear(stiffness=6e7, slip_peak=1e-4, slip_end=4e-4))
     fibre_radius: float = 1.0
     matrix_radius: float = 6.0
     length: float = 30.0
@@ -64,7 +65,7 @@ class PullOutSetup:
         nonnegative("free_length of pullout", self.free_length, "m")
         fraction("nu of pullout", self.nu, 0.0, 0.2)
         choice("axis of pullout", self.axis, AXES)
-        if not isinstance(self.interface, DamageLaw) or self.interface.stiffness is None:
+        if not isinstance(self.interface, ValuedLaw) or self.interface.stiffness is None:
             raise InputError("interface of pullout needs a stiffness per area: bilinear(stiffness=6e7, ...).")
         if self.matrix_radius <= self.fibre_radius + self.fitted_diameter:
             raise InputError(

@@ -10,7 +10,20 @@ Matrix Structural Analysis, 1968, section 5.6), so parallel bonds and beams are 
 """
 
 from pybondem.ops import Number, Vector, absolute, add, cross, dot, minus, norm, normal_to, rotate, times, where
-from pybondem.physics.types import Load, Motion, Pose, Reference, Relative, Stiffness, Stretch, Viscosity
+from pybondem.physics.types import (
+    ComponentRates,
+    Components,
+    Frame,
+    Load,
+    Loads,
+    Motion,
+    Pose,
+    Reference,
+    Relative,
+    Stiffness,
+    Stretch,
+    Viscosity,
+)
 
 # 2 asin(sqrt z) / sqrt z as a series in z: eight terms are right to 2e-12 at 0.5 rad.
 B0, B1, B2, B3 = 2.0, 2.0 / 6.0, 6.0 / 40.0, 10.0 / 112.0
@@ -90,14 +103,15 @@ def direction(rel: Relative, ref: Reference) -> Vector:
     return rel.n
 
 
-def viscous_load(rel: Relative, n: Vector, i: Motion, j: Motion, damping: Viscosity) -> tuple[Load, Number]:
-    """Return the load of the dashpots in the bond and the power they take [W]; n: the direction of opening.
-
-    The relative velocity v_j - v_i - l (w_i + w_j)/2 x n vanishes in every rigid motion of the pair.
-    """
+def relative_motion(rel: Relative, i: Motion, j: Motion) -> tuple[Vector, Vector]:
+    """Return velocity v_j - v_i - l (w_i + w_j)/2 x n [m/s] and spin w_j - w_i [rad/s]; both vanish in rigid motion."""
     mean_spin = times(0.5, add(i.w, j.w))
-    velocity = minus(minus(j.v, i.v), cross(mean_spin, rel.r))
-    spin = minus(j.w, i.w)
+    return minus(minus(j.v, i.v), cross(mean_spin, rel.r)), minus(j.w, i.w)
+
+
+def viscous_load(rel: Relative, n: Vector, i: Motion, j: Motion, damping: Viscosity) -> tuple[Load, Number]:
+    """Return the load of the dashpots in the bond and the power they take [W]; n: the direction of opening."""
+    velocity, spin = relative_motion(rel, i, j)
     force = add(times(damping.cs, velocity), times((damping.cn - damping.cs) * dot(velocity, n), n))
     couple = add(times(damping.cb, spin), times((damping.ct - damping.cb) * dot(spin, rel.n), rel.n))
     return Load(force, couple), dot(force, velocity) + dot(couple, spin)
@@ -113,3 +127,73 @@ def linear_load(i: Motion, j: Motion, opening: Vector, ref: Reference, k: Stiffn
     chord = times(1.0 / norm(ref.r0), ref.r0)
     force = add(times(k.ks, relative), times((k.kn - k.ks) * dot(relative, opening), opening))
     return Load(force, add(times(k.kb, rotation), times((k.kt - k.kb) * dot(rotation, chord), chord)))
+
+
+# Six components: what a bond law sees, and the load that its answer means ------------------------------------------
+
+
+def across(n: Vector) -> tuple[Vector, Vector]:
+    """Return two unit vectors normal to the unit vector n and to one another (Duff et al., J. Comp. Graph. Tech. 6, 2017)."""
+    sign = where(n[2] < 0.0, -1.0, 1.0)
+    a = -1.0 / (sign + n[2])
+    b = n[0] * n[1] * a
+    return (1.0 + sign * n[0] * n[0] * a, sign * b, -sign * n[0]), (b, sign + n[1] * n[1] * a, -n[1])
+
+
+def bent(n: Vector, e: Vector, a: Vector) -> Vector:
+    """Return a, a vector normal to the unit vector e, carried to the unit vector n by the shortest rotation."""
+    return minus(a, times(dot(a, n) / (1.0 + dot(e, n)), add(e, n)))
+
+
+def axes(rel: Relative, ref: Reference) -> Frame:
+    """Return the axes of a bond: the chord, and two axes across it that turn with the material."""
+    n0 = reference_direction(ref)
+    s0, t0 = across(n0)
+    e = material(rel, n0)
+    s, t = bent(rel.n, e, material(rel, s0)), bent(rel.n, e, material(rel, t0))
+    return Frame(rel.n, s, t, e, s, t)
+
+
+def components(rel: Relative, ref: Reference, frame: Frame, area: Number, u: Stretch) -> Components:
+    """Return the six components of a stretch along the axes of a frame, and the size of the bond (area [m2])."""
+    s, t = dot(u.slip, frame.s), dot(u.slip, frame.t)
+    bend_s, bend_t = dot(u.bending, frame.bend_s), dot(u.bending, frame.bend_t)
+    return Components(u.opening, s, t, u.twist, bend_s, bend_t, norm(ref.r0), area)
+
+
+def component_rates(rel: Relative, frame: Frame, i: Motion, j: Motion) -> ComponentRates:
+    """Return how fast the six components change, by the motions of the ends (in small strain)."""
+    v, w = relative_motion(rel, i, j)
+    across_n = dot(v, frame.n), dot(v, frame.s), dot(v, frame.t)
+    return ComponentRates(*across_n, dot(w, rel.n), dot(w, frame.bend_s), dot(w, frame.bend_t))
+
+
+def moments(rel: Relative, frame: Frame, q: Loads) -> tuple[Vector, Vector, Number]:
+    """Return dU/dn of the rotations [N m], their couple [N m], and the moment about n that turns the axes of bending.
+
+    As in `rotational_load`, for any moments. The axes of bending turn about the chord when it leaves the material's; only
+    a bending moment that is not along the bending feels it.
+    """
+    beta, slope = rotation_series(dot(rel.s, rel.s))
+    theta = times(beta, rel.s)
+    twist = dot(theta, rel.n)
+    bending_moment = add(times(q.bend_s, frame.bend_s), times(q.bend_t, frame.bend_t))
+    g = add(times(q.twist, rel.n), bending_moment)
+    h = add(times(0.5 * beta, g), times(slope * dot(rel.s, g), rel.s))
+    turning = dot(cross(theta, rel.n), bending_moment) / (1.0 + dot(frame.e, rel.n))
+    a = minus(times(q.twist, theta), add(times(twist, bending_moment), times(turning, cross(frame.e, rel.n))))
+    return a, times(rel.c, h), turning
+
+
+def respond(rel: Relative, ref: Reference, frame: Frame, q: Loads) -> Load:
+    """Return the load of a bond [N, N m] from the six loads conjugate to its deformation: F = Q . du/dx.
+
+    Whatever the loads, forces and torques balance, and their power is exactly that of Q on the rates of deformation.
+    """
+    shear = add(times(q.s, frame.s), times(q.t, frame.t))
+    shear = times(norm(ref.r0), bent(frame.e, rel.n, shear))  # back into the plane of the material
+    turned, couple, turning = moments(rel, frame, q)
+    a = add(shear, turned)
+    w = add(cross(shear, rel.n), times(turning, add(frame.e, rel.n)))
+    force = add(times(q.n, rel.n), times(1.0 / rel.length, normal_to(rel.n, a)))
+    return Load(force, add(times(0.5, cross(rel.t, w)), couple))

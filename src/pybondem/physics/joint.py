@@ -8,8 +8,9 @@ load is the exact gradient.
 """
 
 from pybondem.ops import Vector, add, cross, dot, minus, normal_to, times
-from pybondem.physics.frame import material, rotational_load, twist_and_bending
-from pybondem.physics.types import Load, Reference, Relative, Stiffness, Stretch
+from pybondem.physics.frame import across, bent, material, moments, rotational_load, twist_and_bending
+from pybondem.physics.frame import reference_direction as chord
+from pybondem.physics.types import Frame, Load, Loads, Reference, Relative, Stiffness, Stretch
 
 
 def stretch(rel: Relative, ref: Reference) -> Stretch:
@@ -41,3 +42,22 @@ def direction(rel: Relative, ref: Reference) -> Vector:
 def reference_direction(ref: Reference) -> Vector:
     """Return the unit vector that opening is measured along in the undeformed joint: its normal."""
     return ref.normal
+
+
+def axes(rel: Relative, ref: Reference) -> Frame:
+    """Return the axes of a joint: its normal and two axes of slip, which turn with the material; those of bending."""
+    s0, t0 = across(ref.normal)
+    e0 = chord(ref)
+    e = material(rel, e0)
+    u0, v0 = across(e0)
+    bend_s, bend_t = bent(rel.n, e, material(rel, u0)), bent(rel.n, e, material(rel, v0))
+    return Frame(material(rel, ref.normal), material(rel, s0), material(rel, t0), e, bend_s, bend_t)
+
+
+def respond(rel: Relative, ref: Reference, frame: Frame, q: Loads) -> Load:
+    """Return the load of a joint [N, N m] from the six loads conjugate to its deformation."""
+    pull = add(times(q.n, frame.n), add(times(q.s, frame.s), times(q.t, frame.t)))
+    turned, couple, turning = moments(rel, frame, q)
+    w = add(times(-1.0, cross(rel.r, pull)), times(turning, add(frame.e, rel.n)))
+    force = add(pull, times(1.0 / rel.length, normal_to(rel.n, turned)))
+    return Load(force, add(times(0.5, cross(rel.t, w)), couple))

@@ -64,8 +64,9 @@ class Deformation(NamedTuple):
     """What a damage law sees: scalars.
 
     opening [m] (positive in tension), slip [m], twist [rad], bending [rad] (the last three are magnitudes), length and
-    area of the undeformed bond [m, m2], and the stresses that the undamaged bond would carry [Pa]: normal_stress
-    F_n/A (positive in tension), shear_stress |F_s|/A, bending_stress |M_b| Rb/I, twist_stress |M_t| Rb/J.
+    area of the undeformed bond [m, m2], the stresses that the undamaged bond would carry [Pa]: normal_stress
+    F_n/A (positive in tension), shear_stress |F_s|/A, bending_stress |M_b| Rb/I, twist_stress |M_t| Rb/J, and its
+    stiffness per area [Pa/m]: normal_stiffness kn/A, shear_stiffness ks/A.
     """
 
     opening: Number
@@ -78,6 +79,81 @@ class Deformation(NamedTuple):
     shear_stress: Number
     bending_stress: Number
     twist_stress: Number
+    normal_stiffness: Number
+    shear_stiffness: Number
+
+
+class Rate(NamedTuple):
+    """How fast a bond deforms, for a damage law: opening (signed), slip [m/s], twist, bending [rad/s] (magnitudes)."""
+
+    opening: Number
+    slip: Number
+    twist: Number
+    bending: Number
+
+
+class Damage(NamedTuple):
+    """Damage of each mode, 0 whole to 1 gone: D_n (in tension), D_s, D_t, D_b [-]."""
+
+    normal: Number
+    shear: Number
+    twist: Number
+    bending: Number
+
+
+class Components(NamedTuple):
+    """What a bond law sees: the six components of deformation in the bond's own frame, and its size.
+
+    n [m]: elongation or opening, positive in tension; s, t [m]: slip of j relative to i along two axes normal to n,
+    which turn with the material and point in no special direction; twist, bend_s, bend_t [rad]: relative rotation of
+    the ends about n, s, t; length [m] and area [m2] of the undeformed bond.
+    """
+
+    n: Number
+    s: Number
+    t: Number
+    twist: Number
+    bend_s: Number
+    bend_t: Number
+    length: Number
+    area: Number
+
+
+class ComponentRates(NamedTuple):
+    """How fast a bond deforms, for a bond law: n, s, t [m/s], twist, bend_s, bend_t [rad/s]."""
+
+    n: Number
+    s: Number
+    t: Number
+    twist: Number
+    bend_s: Number
+    bend_t: Number
+
+
+class Loads(NamedTuple):
+    """What a bond law answers: forces n, s, t [N] and moments twist, bend_s, bend_t [N m], conjugate to `Components`."""
+
+    n: Number
+    s: Number
+    t: Number
+    twist: Number
+    bend_s: Number
+    bend_t: Number
+
+
+class Frame(NamedTuple):
+    """Axes of a bond, unit vectors in global axes.
+
+    n: the direction of opening; s, t: the axes of slip, which turn with the material; e: the chord of the material;
+    bend_s, bend_t: the axes of bending, normal to the chord as it is now.
+    """
+
+    n: Vector
+    s: Vector
+    t: Vector
+    e: Vector
+    bend_s: Vector
+    bend_t: Vector
 
 
 class Stiffness(NamedTuple):
@@ -116,7 +192,11 @@ class Load(NamedTuple):
     couple: Vector
 
 
-# damage_law(deformation, memory, parameters) -> (damage, memory); memory and parameters: named tuples of the law's own
-DamageFunction = Callable[[Deformation, Any, Any], tuple[Number, Any]]
+# law(deformation, stiffness, memory, parameters, rate, dt) -> (damage or Damage, memory) of a damage law, or
+# (Loads, memory) of a bond law, which sees Components and rates of these; memory and parameters are named tuples of the
+# law's own, the memory that comes back a plain tuple
+LawFunction = Callable[[Any, Stiffness, Any, Any, Any, Number], tuple[Any, Any]]
+# potential(components, stiffness, memory, parameters) -> stored energy [J] of a bond law
+PotentialFunction = Callable[[Components, Stiffness, Any, Any], Number]
 # drag_law(coefficient, force, velocity, mass, dt) -> force; with torque, spin and inertia for the rotation
 DragFunction = Callable[[Number, Vector, Vector, Number, Number], Vector]

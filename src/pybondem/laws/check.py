@@ -1,0 +1,6 @@
+"""The battery (being written)."""
+
+
+def check_law(law, engines=None, quiet=False):
+    """Check."""
+    raise NotImplementedError

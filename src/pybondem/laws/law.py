@@ -1,0 +1,123 @@
+"""Laws as decorated functions of numbers.
+
+    @bd.damage_law(parameters={"rate": "1/m"}, memory={"longest": "m"})
+    def tiring(d, m, p):
+        longest = bd.maximum(m.longest, d.opening)
+        return 1.0 - bd.exp(-p.rate * longest), longest
+
+    bond = bd.Bond(bd.parallel(E=1e9, stiffness_ratio=2.0), tiring(rate=50.0))
+
+A law names what it reads, in this order: d, the deformation (`Deformation` in a damage law, `Components` in a bond law);
+k, the `Stiffness` of the bond (bond laws only); m, its memory, which starts at zero; p, its parameters; rate, how fast
+d changes (`Rate`, or `ComponentRates`); dt, the time step [s]. It returns its answer - damage, a `Damage` with one value
+for each mode, or the `Loads` of a bond law - and then each word of its memory.
+"""
+
+from collections import namedtuple
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from pybondem.bonds import ValuedLaw
+from pybondem.check import positive
+from pybondem.laws.check import check_law
+from pybondem.laws.findings import Report
+from pybondem.laws.parameters import Needs, Parameter, check_values, declared, given
+from pybondem.laws.plot import plot_law
+from pybondem.laws.reading import Reading, read_function, sample
+
+Function = Callable[..., Any]
+
+
+class Law:
+    """A declared law. Called with the values of its parameters it is ready for a Bond or a Joint.
+
+    name, user (the function as it was written), kind ("damage" or "bond"), parameters (name -> Parameter), memory (word ->
+    unit), needs (what must hold between parameters), toughness (fracture energy per area [J/m2] in "opening" and "slip", as
+    functions of the parameters and the stiffness per area [Pa/m]), potential (stored energy [J] of a bond law).
+    """
+
+    def __init__(self, user: Function, kind: str, parameters: Mapping[str, str | Parameter], memory: Mapping[str, str],
+                 needs: Needs, toughness: Mapping[str, Function], potential: Function | None) -> None:  # fmt: skip
+        self.name: str = getattr(user, "__name__", repr(user))
+        self.user, self.kind, self.needs, self.toughness = user, kind, needs, toughness
+        self.parameters = declared(self.name, parameters)
+        self.memory = dict(memory)
+        self.__doc__ = user.__doc__
+        self._values = namedtuple("Parameters", self.parameters)  # type: ignore[misc]
+        self._words = namedtuple("Memory", self.memory)  # type: ignore[misc]
+        typical = self._values(*(sample(p) for p in self.parameters.values()))
+        self._read: Reading = read_function(self.name, user, kind, typical, self._words, potential)
+
+    def __repr__(self) -> str:
+        lines = [f"{self.name}({', '.join(self.parameters)}): a {self.kind} law"]
+        for name, p in self.parameters.items():
+            default = "" if p.default is None else f", by default {p.default:g}"
+            lines.append(f"  {name} [{p.unit}] {p.meaning} ({p.range}{default})")
+        lines += [f"  remembers {word} [{unit}]" for word, unit in self.memory.items()]
+        return "\n".join(lines)
+
+    def __call__(self, *values: Any, stiffness: float | None = None, **named: Any) -> ValuedLaw:
+        """Return the law with values: for each parameter a number, one value per bond (m,), or a `scatter`.
+
+        stiffness: shear stiffness per area [Pa/m] that it brings where it is used in a Joint. Raises InputError for a
+        misspelt or missing parameter, and for values outside their range.
+        """
+        all_values = self._values(**given(self.name, self.parameters, values, named))
+        self.check_values(all_values)
+        if stiffness is not None:
+            stiffness = positive(f"stiffness of {self.name}", stiffness, "Pa/m")
+        return ValuedLaw(
+            self.name, self.kind, self._read.function, all_values, self._words, self._read.modes, self._read.flows,
+            self._read.branches, self._read.potential, stiffness, self,
+        )  # fmt: skip
+
+    def check_values(self, values: Any) -> None:
+        """Raise InputError where values (a named tuple of numbers or arrays) may not be taken."""
+        check_values(self.name, self.parameters, self.needs, values)
+
+    def check(self, *values: Any, quiet: bool = False, **named: Any) -> Report:
+        """Try the law with these values (by default its typical ones) on every engine; print and return what was found."""
+        return check_law(self._tried(values, named), quiet=quiet)
+
+    def plot(self, *values: Any, path: str | None = None, **named: Any) -> Any:
+        """Draw force and damage against opening and slip; see `laws.plot.plot_law`. path: of a figure file to write."""
+        return plot_law(self._tried(values, named), path=path)
+
+    def _tried(self, values: tuple[Any, ...], named: dict[str, Any]) -> ValuedLaw:
+        """Return the law with the values given, and typical ones for the rest."""
+        rest = list(self.parameters)[len(values) :]
+        typical = {n: p.typical for n in rest if n not in named and (p := self.parameters[n]).typical is not None}
+        return self(*values, **typical, **named)
+
+
+def damage_law(function: Function | None = None, *, parameters: Mapping[str, str | Parameter] | None = None,
+               memory: Mapping[str, str] | None = None, needs: Needs | None = None,
+               toughness: Mapping[str, Function] | None = None) -> Any:  # fmt: skip
+    """Declare a damage law: a decorator of function(d, m, p, rate, dt) -> damage, memory words.
+
+    parameters: unit of each, or a `Parameter` with meaning and range; memory: unit of each word; needs: what must hold
+    between parameters, {"end > peak": lambda p: p.end > p.peak}; toughness: fracture energy per area that `check` should
+    find, {"slip": lambda p, k: ...}, k the stiffness per area [Pa/m]. Returns a `Law`. Raises LawError for a function
+    that is not a law.
+    """
+
+    def declare(user: Function) -> Law:
+        return Law(user, "damage", parameters or {}, memory or {}, needs or {}, toughness or {}, None)
+
+    return declare if function is None else declare(function)
+
+
+def bond_law(function: Function | None = None, *, parameters: Mapping[str, str | Parameter] | None = None,
+             memory: Mapping[str, str] | None = None, needs: Needs | None = None,
+             potential: Function | None = None) -> Any:  # fmt: skip
+    """Declare a bond law: a decorator of function(d, k, m, p, rate, dt) -> Loads, memory words.
+
+    potential: the energy [J] that the bond holds, as a function of the same arguments (d, k, m, p, those it names), m
+    being the memory that was returned; without it the energy that its loads hold in the elastic form, sum Q^2 / 2k. A memory
+    word named "damage" is reported as the damage of the bond. The rest as in `damage_law`.
+    """
+
+    def declare(user: Function) -> Law:
+        return Law(user, "bond", parameters or {}, memory or {}, needs or {}, {}, potential)
+
+    return declare if function is None else declare(function)

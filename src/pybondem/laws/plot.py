@@ -1,0 +1,6 @@
+"""Drawing (being written)."""
+
+
+def plot_law(law, path=None):
+    """Draw."""
+    raise NotImplementedError

@@ -1,0 +1,203 @@
+"""Reading a law: what its function names, whether it runs, what it returns; the same function with all arguments."""
+
+import inspect
+import linecache
+import traceback
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pybondem.check import nearest
+from pybondem.engines.reference import on_arrays
+from pybondem.errors import LawError
+from pybondem.laws.parameters import Parameter
+from pybondem.physics.types import (
+    ComponentRates,
+    Components,
+    Damage,
+    Deformation,
+    LawFunction,
+    Loads,
+    PotentialFunction,
+    Rate,
+    Stiffness,
+)
+
+Function = Callable[..., Any]
+NAMES = {"damage": ("d", "m", "p", "rate", "dt"), "bond": ("d", "k", "m", "p", "rate", "dt")}
+ALL = NAMES["bond"]
+FLOWS = {"rate", "dt"}  # what a law must ask for: it costs the velocities of both ends
+
+# Without one of the arguments (d, k, m, p, rate, dt); compilers need the places as constants.
+DROP: dict[str, Callable[[Function], Function]] = {
+    "k": lambda f: lambda *a: f(*a[:1], *a[2:]),
+    "m": lambda f: lambda *a: f(*a[:2], *a[3:]),
+    "p": lambda f: lambda *a: f(*a[:3], *a[4:]),
+    "rate": lambda f: lambda *a: f(*a[:4], *a[5:]),
+    "dt": lambda f: lambda *a: f(*a[:5]),
+}
+
+# A bond of a few millimetres, hardly deformed: something to call a law with.
+SAMPLES: dict[str, dict[str, Any]] = {
+    "damage": {
+        "d": Deformation(1e-6, 1e-6, 1e-3, 1e-3, 1e-3, 1e-6, 1e6, 1e6, 1e6, 1e6, 1e12, 1e12),
+        "rate": Rate(1e-3, 1e-3, 1.0, 1.0),
+    },
+    "bond": {
+        "d": Components(1e-6, 1e-6, 1e-6, 1e-3, 1e-3, 1e-3, 1e-3, 1e-6),
+        "rate": ComponentRates(1e-3, 1e-3, 1e-3, 1.0, 1.0, 1.0),
+    },
+}
+
+
+class Reading(NamedTuple):
+    """What was found: the law with all arguments, modes of its damage (1 or 4), whether it asks for rates or time,
+    whether it branches with `if`, and its potential with all arguments."""
+
+    function: LawFunction
+    modes: int
+    flows: bool
+    branches: bool
+    potential: PotentialFunction | None
+
+
+def sample(parameter: Parameter) -> float:
+    """Return a value that a parameter may have."""
+    for value in (parameter.typical, parameter.default, 1.0, parameter.most, parameter.least, parameter.above + 1.0):
+        if value is not None and np.isfinite(value) and parameter.allows(value):
+            return float(value)
+    return 0.5 * (max(parameter.above, parameter.least) + parameter.most)
+
+
+def read_function(name: str, user: Function, kind: str, values: Any, words: Any, potential: Function | None) -> Reading:
+    """Return what a law's function is; values: sample parameters, words: the type of its memory.
+
+    Raises LawError with the user's own line where it is not a law.
+    """
+    named = _arguments(name, user, NAMES[kind], kind)
+    given = {**SAMPLES[kind], "k": Stiffness(1e6, 1e6, 1.0, 1.0), "m": words(*(0.0 for _ in words._fields)), "p": values}
+    given["dt"] = 1e-6
+    modes = _returned(name, user, kind, words, _called(name, user, named, given))
+    function = _with_all(_split(user, bool(words._fields)), named)
+    energy = None
+    if potential is not None:
+        of = f"the potential of {name}"
+        arguments = _arguments(of, potential, ("d", "k", "m", "p"), kind)
+        _called(of, potential, arguments, given)
+        energy = _with_all(potential, (*arguments, "rate", "dt"))
+    branches = _branches(user, named, given)
+    vars(function)["branches"] = branches  # the reference engine asks
+    return Reading(function, modes, bool(FLOWS & set(named)), branches, energy)
+
+
+def _split(user: Function, remembers: bool) -> Function:
+    """Return the law with its answer and its memory apart."""
+
+    def forgetful(*a: Any) -> Any:
+        return user(*a), ()
+
+    def remembering(*a: Any) -> Any:
+        returned = user(*a)
+        return returned[0], returned[1:]
+
+    return remembering if remembers else forgetful
+
+
+def _with_all(function: Function, named: tuple[str, ...]) -> Function:
+    """Return the function called with all arguments, of which it is handed those it names."""
+    for name in ALL[1:]:
+        if name not in named:
+            function = DROP[name](function)
+    return function
+
+
+def _arguments(name: str, user: Function, allowed: tuple[str, ...], kind: str) -> tuple[str, ...]:
+    """Return the names of a function's arguments. Raises LawError unless they are of those a law may read, in order."""
+    if not inspect.isfunction(user):
+        raise LawError(f"a {kind} law is made of a function, def {'law'}({', '.join(allowed[:3])}): ...; got {user!r}.")
+    found = tuple(inspect.signature(user).parameters)
+    plain = all(p.kind is p.POSITIONAL_OR_KEYWORD and p.default is p.empty for p in inspect.signature(user).parameters.values())
+    expected = tuple(a for a in allowed if a in found)
+    if not plain or found != expected or found[:1] != ("d",):
+        raise LawError(
+            f"{name} ({_where(user)}) takes ({', '.join(map(str, inspect.signature(user).parameters.values()))}); a {kind} "
+            f"law takes d and what it needs of {', '.join(allowed[1:])}, by these names and in this order."
+        )
+    return found
+
+
+def _called(name: str, user: Function, named: tuple[str, ...], given: dict[str, Any]) -> Any:
+    """Return what a function answers to a sample of numbers. Raises LawError with the line where it fails."""
+    try:
+        with np.errstate(all="ignore"):
+            numbers = [_as(np.float64, given[argument]) for argument in named]
+            return on_arrays(user)(*numbers)
+    except AttributeError as error:
+        argument = next((a for a in named if given[a] is error.obj or type(given[a]) is type(error.obj)), None)
+        if argument is None:
+            raise LawError(f"{name} fails {_line(user, error)}: {error}.") from error
+        there = given[argument]._fields
+        raise LawError(
+            f"{name} reads {argument}.{error.name} {_line(user, error)}; there is no such name"
+            f"{nearest(error.name, there)}: {argument} has {', '.join(there) or 'nothing declared'}."
+        ) from None
+    except Exception as error:
+        raise LawError(f"{name} fails {_line(user, error)}: {type(error).__name__}: {error}.") from error
+
+
+def _as(kind: Callable[[Any], Any], value: Any) -> Any:
+    """Return a number, or a named tuple of numbers, of another kind."""
+    return type(value)(*map(kind, value)) if isinstance(value, tuple) else kind(value)
+
+
+def _returned(name: str, user: Function, kind: str, words: Any, found: Any) -> int:
+    """Return the number of modes of a law's damage. Raises LawError unless it returned its answer and its memory."""
+    wanted = ["damage" if kind == "damage" else "its Loads", *words._fields]
+    remembers = bool(words._fields)
+    split = isinstance(found, tuple) and not isinstance(found, Damage | Loads)
+    values = list(found) if split else [found]
+    said = f"{name} ({_where(user)}) must return {', '.join(wanted)}"
+    if split != remembers or len(values) != len(wanted):
+        raise LawError(f"{said}: {len(wanted)} value{'s' * remembers}; it returns {len(values)}.")
+    answer, memory = values[0], values[1:]
+    if kind == "bond":
+        if not isinstance(answer, Loads):
+            raise LawError(f"{said}, as Loads(n, s, t, twist, bend_s, bend_t); it returns {answer!r}.")
+    numbers = [*answer] if isinstance(answer, Damage | Loads) else [answer]
+    for value in (*numbers, *memory):
+        if np.ndim(value) or np.asarray(value).dtype.kind not in "fiu":
+            raise LawError(f"{said}, each a number; it returns {value!r}.")
+    return 4 if isinstance(answer, Damage) else 1
+
+
+def _branches(user: Function, named: tuple[str, ...], given: dict[str, Any]) -> bool:
+    """Return whether a law cannot take arrays, as one that says `if` cannot."""
+    try:
+        with np.errstate(all="ignore"):
+            two = [_as(lambda v: np.full(2, v), given[argument]) for argument in named]
+            on_arrays(user)(*two)
+    except Exception:
+        return True
+    return False
+
+
+def _where(user: Function) -> str:
+    code = user.__code__
+    return f"{_short(code.co_filename)}, line {code.co_firstlineno}"
+
+
+def _line(user: Function, error: Exception) -> str:
+    """Return where in a user's function an error arose, with the line itself."""
+    frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == user.__code__.co_filename]
+    if not frames or frames[-1].lineno is None:
+        return f"({_where(user)})"
+    number = frames[-1].lineno
+    text = linecache.getline(user.__code__.co_filename, number).strip()
+    return f"({_short(user.__code__.co_filename)}, line {number}{': ' + text if text else ''})"
+
+
+def _short(path: str) -> str:
+    return path.replace("\\", "/").rsplit("/", 1)[-1]
+
+

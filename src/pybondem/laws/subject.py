@@ -1,0 +1,196 @@
+"""A law under trial: how far it must be driven to be seen whole, and the answers to a set of paths."""
+
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pybondem.bonds import ValuedLaw
+from pybondem.check import Floats
+from pybondem.errors import InputError
+from pybondem.laws import paths
+from pybondem.laws.poses import motions
+from pybondem.laws.trial import ELEMENTS, LENGTH, Answer, History, Trial, single
+from pybondem.laws.units import NONE, Dimension, dimension
+
+COMPONENTS_OF = ((0,), (1, 2), (3,), (4, 5))  # of opening, slip, twist, bending
+FIRST = (0, 1, 3, 4)  # the component that stands for each
+SIZES = np.geomspace(1e-7, 0.3, 131)  # of opening and slip over length, and of angles [rad]
+SMALL, LARGE = 0.01, 0.05  # where a law that never changes is looked at; where pairs are too short to show one that does
+TIME, TEMPERATURE = Dimension(time=1.0), Dimension(temperature=1.0)
+
+
+class Reach(NamedTuple):
+    """Deformation (6,) at which a law begins to soften or yield, at which little is left, and elastic load (6,) there."""
+
+    onset: Floats
+    end: Floats
+    load: Floats
+
+
+@dataclass(frozen=True)
+class Subject:
+    """One law with one value of each parameter.
+
+    calm: the same without change of temperature; length: of the pairs to try it with [m]; reach: for each element;
+    duration: of a path [s]; histories: what was found so far, by element.
+    """
+
+    law: ValuedLaw
+    calm: ValuedLaw
+    length: float
+    duration: float
+    reach: dict[str, Reach]
+    histories: dict[str, dict[str, History]] = field(default_factory=dict)
+
+    def trial(self, element: str, count: int, calm: bool = False, **options: Any) -> Trial:
+        """Return a trial of this law in pairs of its length."""
+        return Trial(self.calm if calm else self.law, element, count=count, length=self.length, **options)
+
+    def sizes(self, element: str, count: int, seed: int = 0) -> Floats:
+        """Return sizes of deformation (6, count), spread from where the law begins to where little of it is left."""
+        onset, end, _ = self.reach[element]
+        share = np.random.default_rng(seed).uniform(0.0, 1.0, (6, count))
+        spread: Floats = 0.5 * onset[:, None] * (2.4 * end / onset)[:, None] ** share
+        return spread
+
+    def wander(self, element: str, count: int, legs: int = 5, steps: int = 5, seed: int = 1) -> Floats:
+        """Return a random path (points, 6, count) through all that the law does."""
+        return paths.wandering(self.sizes(element, count, seed), legs, steps, seed)
+
+    def time_step(self, path: Floats) -> float:
+        """Return the time from point to point of a path [s]."""
+        return self.duration / max(len(path) - 1, 1)
+
+    def driven(self, element: str) -> dict[str, History]:
+        """Return the answers to paths that load, unload, close, open again, wander and go far, by name of the path."""
+        if element not in self.histories:
+            found = {}
+            for name, path in _drives(self, element).items():
+                trial = self.trial(element, path.shape[2], calm=True)
+                found[name] = trial.follow(path, self.time_step(path))
+            self.histories[element] = found
+        return self.histories[element]
+
+
+def subject(law: ValuedLaw) -> Subject:
+    """Return a law made ready for trial: with single values, its reach measured."""
+    one = single(law)
+    calm, duration = _calm(one), _duration(one)
+    length = LENGTH
+    reach = {element: _reach(calm, element, length, duration) for element in ELEMENTS}
+    far = max(float(r.end[:3].max()) for r in reach.values())
+    if not 0.01 * LARGE < far / length <= LARGE:
+        length = far / SMALL
+        reach = {element: _reach(calm, element, length, duration) for element in ELEMENTS}
+    return Subject(one, calm, length, duration, reach)
+
+
+def units_of(law: ValuedLaw) -> tuple[dict[str, str], dict[str, str]]:
+    """Return the declared units of a law's parameters and of the words of its memory."""
+    declared: Any = law.declared
+    return {name: p.unit for name, p in declared.parameters.items()}, dict(declared.memory)
+
+
+def known_dimension(unit: str) -> Dimension:
+    """Return the dimension of a unit, none where the unit is not known: that is for the finding on units to say."""
+    try:
+        return dimension(unit)
+    except InputError:
+        return NONE
+
+
+def _calm(law: ValuedLaw) -> ValuedLaw:
+    """Return the law with every temperature at 0: without change of temperature."""
+    declared: Any = law.declared
+    values = {
+        name: 0.0
+        for name, p in declared.parameters.items()
+        if known_dimension(p.unit) == TEMPERATURE and p.allows(0.0)
+    }
+    return replace(law, parameters=law.parameters._replace(**values))
+
+
+def _duration(law: ValuedLaw) -> float:
+    """Return how long a path should last [s]: ten times the longest time among the parameters, 1 s without any."""
+    times = [1.0]
+    for name, unit in units_of(law)[0].items():
+        value = abs(float(getattr(law.parameters, name)))
+        if known_dimension(unit) == TIME and value > 0.0:
+            times = [*times[1:], 10.0 * value]
+    return max(times)
+
+
+def _reach(law: ValuedLaw, element: str, length: float, duration: float) -> Reach:
+    """Return the reach of a law in each component, from pairs deformed at once by more and more."""
+    count = len(SIZES)
+    onset, end, load = np.zeros(6), np.zeros(6), np.zeros(6)
+    for mode, component in enumerate(FIRST):
+        scale = length if component < 3 else 1.0
+        local = np.zeros((6, count))
+        local[component] = SIZES * scale
+        trial = Trial(law, element, count=count, length=length)
+        path = np.stack([0.0 * local, local])
+        at = [trial.pose(p) for p in path]
+        trial.evaluate(at[0], None, duration)
+        answer = trial.evaluate(at[1], motions(at[0], at[1], duration, None), duration)
+        secant, elastic = _secant(answer, mode, local[component], float(trial.stiffness[mode]))
+        begins, ends = _knees(secant, local[component], SMALL * scale)
+        for c in COMPONENTS_OF[mode]:
+            onset[c], end[c], load[c] = begins, ends, elastic * ends
+    return Reach(onset, end, load)
+
+
+def _secant(answer: Answer, mode: int, size: Floats, stiffness: float) -> tuple[Floats, float]:
+    """Return the share of its first secant stiffness that each pair has left in a mode (count,), and that stiffness."""
+    if answer.own is None:
+        return 1.0 - answer.damages[min(mode, len(answer.damages) - 1)], stiffness
+    load = np.sqrt((answer.own[list(COMPONENTS_OF[mode])] ** 2).sum(axis=0)) / size
+    first = float(load[0])
+    return (load / first, first) if first > 0.0 else (np.ones_like(size), 0.0)
+
+
+def _knees(secant: Floats, size: Floats, otherwise: float) -> tuple[float, float]:
+    """Return the sizes where the secant stiffness begins to fall, and where little of it is left."""
+    lost = 1.0 - np.where(np.isfinite(secant), secant, 0.0)
+    begins = np.flatnonzero(lost > 1e-6)
+    if len(begins) == 0:
+        return otherwise, otherwise
+    first = float(size[max(begins[0] - 1, 0)])
+    for share in (0.99, 0.5):
+        ends = np.flatnonzero(lost > share)
+        if len(ends):
+            return first, float(size[ends[0]])
+    return first, min(4.0 * first, float(size[-1]))
+
+
+# Paths -----------------------------------------------------------------------------------------------------------
+
+
+def _drives(s: Subject, element: str) -> dict[str, Floats]:
+    """Return paths (points, 6, count) by name: every kind of motion, in single modes and mixed, to several sizes."""
+    onset, end, _ = s.reach[element]
+    singles = np.concatenate([np.diag(onset), np.diag(0.5 * (onset + end)), np.diag(1.2 * end)], axis=1)
+    random = s.sizes(element, 16, seed=3) * np.random.default_rng(4).choice([-1.0, 1.0], (6, 16))
+    targets = np.concatenate([singles, random], axis=1)
+    pulled = targets.copy()
+    pulled[0] = np.abs(pulled[0]) + 0.5 * onset[0]
+    return {
+        "loading and unloading": paths.cyclic(targets, cycles=4, steps=6),
+        "loading to and fro": paths.cyclic(targets, cycles=3, steps=6, back=-1.0),
+        "opening, closing, opening again": paths.reopened(pulled, steps=8),
+        "a random path": s.wander(element, 32, legs=8, steps=5, seed=5),
+        "large deformation": paths.through([np.zeros((6, 27)), *_large(s.length)], 1),
+    }
+
+
+def _large(length: float) -> list[Floats]:
+    """Return large but sane deformations (6, 27): strains of 10 %, rotations of 0.3 rad, and exact zeros among them."""
+    signs = np.stack(np.meshgrid([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0])).reshape(3, -1)
+    n, slip, turn = signs * np.array([[0.1 * length], [0.1 * length], [0.3]])
+    return [
+        paths.deformation(n, slip, 0.0, turn, 0.0, turn),
+        paths.deformation(-n, 0.0, slip, -turn, turn, 0.0),
+        np.zeros((6, 27)),
+        paths.deformation(n, slip, slip, 0.0, 0.0, 0.0),
+    ]
