@@ -9,7 +9,7 @@ from pybondem.laws.library import bilinear, strength
 from pybondem.laws.parameters import Parameter
 from pybondem.measure import applied, broken, displacement, energy, reaction, slip, strain, stress, unbalanced
 from pybondem.model import Model, Selection
-from pybondem.ops import absolute, exp, log, maximum, minimum, sqrt, where
+from pybondem.ops import absolute, exp, log, maximum, minimum, power, sqrt, where
 from pybondem.packing.shapes import Box, Cylinder, Sphere
 from pybondem.physics.types import Components, Damage, Deformation, Loads
 from pybondem.results import Results
@@ -22,7 +22,8 @@ __all__ = [
     "Bond", "BondemError", "Box", "Components", "Cylinder", "Damage", "Deformation", "EngineError", "InputError",
     "Interrupted", "Joint", "LawError", "Loads", "Model", "Parameter", "Results", "Selection", "SelectionError",
     "Simulation", "Sphere", "UnstableError", "absolute", "applied", "bilinear", "bond_law", "broken", "damage_law",
-    "displacement", "energy", "euler_bernoulli", "examples", "exp", "hold", "interface", "kinetic", "laws", "local", "log",
-    "maximum", "minimum", "packing", "parallel", "ramp", "reaction", "scatter", "slip", "smooth", "springs", "sqrt",
-    "statics", "strain", "strength", "stress", "table", "theory", "timoshenko", "unbalanced", "viscous", "where",
+    "displacement", "energy", "euler_bernoulli", "examples", "exp", "hold", "interface", "kinetic", "laws", "local",
+    "log", "maximum", "minimum", "packing", "parallel", "power", "ramp", "reaction", "scatter", "slip", "smooth",
+    "springs", "sqrt", "statics", "strain", "strength", "stress", "table", "theory", "timoshenko", "unbalanced",
+    "viscous", "where",
 ]  # fmt: skip

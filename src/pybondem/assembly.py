@@ -1,6 +1,5 @@
 """Model -> step program: order the particles, lay out the arrays, choose the stages."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +10,7 @@ from pybondem import bond_answers as answers
 from pybondem import bond_bodies as bodies
 from pybondem import particle_bodies
 from pybondem.bond_answers import BOND, JOINT, Answer, Damaging, Element, Loading
-from pybondem.bonds import Bond, ValuedLaw, Value
+from pybondem.bonds import Bond, Value, ValuedLaw
 from pybondem.boundaries import GroupTables
 from pybondem.engines.reference import on_arrays
 from pybondem.errors import InputError, LawError
@@ -22,15 +21,17 @@ from pybondem.physics.elastic.section import bending_modulus
 from pybondem.physics.types import (
     ComponentRates,
     Components,
+    Deformation,
     DragFunction,
     Motion,
     Pose,
+    Rate,
     Reference,
     Section,
     Stiffness,
     Viscosity,
 )
-from pybondem.program import Block, Body, Program, Reads, Stage
+from pybondem.program import Block, Called, Program, Reads, Stage
 from pybondem.scatter import Scatter
 from pybondem.state import BOND_FIELDS, CHORD, ENERGY, LOAD, PARTICLE_FIELDS, allocate
 
@@ -233,7 +234,15 @@ def step_program(done: Assembly, gravity: tuple[float, float, float], drag: Drag
     stages = (start, *(bond_stage(done, b) for b in range(len(done.blocks))), Stage("gather"), finish)
     if not any(condition.kind == "push" for condition in done.model.boundaries.conditions):
         stages = tuple(_without_pushes(stage) for stage in stages)
-    return Program(stages, done.blocks, particles, done.bonds, done.shared)
+    laws = tuple(_called(bonds.bond.law) for bonds in done.model.bonds if bonds.bond.law is not None)
+    return Program(stages, done.blocks, particles, done.bonds, done.shared, laws)
+
+
+def _called(law: ValuedLaw) -> Called:
+    """Return what engines say of a law, and how they may call it."""
+    seen, rate = (Deformation, Rate) if law.kind == "damage" else (Components, ComponentRates)
+    types = (seen, Stiffness, law.memory, type(law.parameters), rate, float)
+    return Called(law.declared.user, law.function, types)
 
 
 def _without_pushes(stage: Stage) -> Stage:
@@ -253,7 +262,8 @@ def bond_stage(done: Assembly, number: int) -> Stage:
         parameters = (type(law.parameters), *(f"p_{n}" for n in law.parameters._fields))
         book = WRITES[law.kind, law.modes]
         read = book if len(book) == 3 or law.kind == "bond" else book[1:]  # the least damage of all modes is only told
-        state = (Loading if law.kind == "bond" else Damaging, STIFFNESS, SECTION, parameters, (law.memory, *memory), *read)
+        kind = Loading if law.kind == "bond" else Damaging
+        state = (kind, STIFFNESS, SECTION, parameters, (law.memory, *memory), *read)
         writes += (*book, *memory)
     answer = _answer(bonds, element)
     reads: Reads = (POSE_I, POSE_J, reference(bonds), state)
@@ -270,7 +280,7 @@ def _answer(bonds: BondSet, element: Element) -> Answer:
         return answers.elastic_answer(element)
     if law.kind == "bond":
         return answers.law_answer(element, law.function, law.memory, law.flows, law.potential)
-    of = answers.damage_answer if law.modes == 1 else answers.damage_answer_of_modes
+    of: Any = answers.damage_answer if law.modes == 1 else answers.damage_answer_of_modes
     return of(element, law.function, len(law.memory._fields), law.flows, bonds.bond.hand_over)
 
 
@@ -317,8 +327,9 @@ def linear_program(done: Assembly, dashpots: bool = False) -> Program:
     particles = allocate(PARTICLE_FIELDS, {"v", "w", "force", "torque"}, len(done.order))
     particles["start"] = done.particles["start"]
     shared = {"load": np.zeros_like(done.shared["load"]), "first": done.shared["first"], "ends": done.shared["ends"]}
+    ends = (MOTION_I, MOTION_J)
     stages = tuple(
-        Stage(block.name, bodies.linear_body(done.element(b)), (MOTION_I, MOTION_J, reference(bonds), STIFFNESS), ("load",))
+        Stage(block.name, bodies.linear_body(done.element(b)), (*ends, reference(bonds), STIFFNESS), ("load",))
         for b, (block, bonds) in enumerate(zip(done.blocks, done.model.bonds, strict=True))
     )
     return Program((*stages, Stage("gather")), done.blocks, particles, arrays, shared)
@@ -341,7 +352,7 @@ def tangent(law: ValuedLaw, arrays: dict[str, Any], length: Floats) -> dict[str,
         for sign in (-1.0, 0.0, 1.0):
             u = [np.zeros(len(length)) for _ in range(6)]
             u[mode] = sign * h
-            loads, _ = function(Components(*u, *size), k, memory, parameters, still, 0.0)
+            loads, _ = function(Components(*(*u, *size)), k, memory, parameters, still, 0.0)
             answers.append(np.broadcast_to(loads[mode], len(length)))
         if not np.isfinite(answers).all():
             raise LawError(f"{law.name} answers {loads._fields[mode]} with a load that is not finite near rest.")

@@ -162,8 +162,8 @@ def law_answer(element: Element, law: LawFunction, memory_type: Any, flows: bool
                potential: PotentialFunction | None) -> Answer:  # fmt: skip
     """Return the answer of a bond under a bond law; a word of its memory named damage is the damage of the bond.
 
-    Written: the six components and loads, for the next step, the stored energy W, the energy lost so far [J], the memory.
-    Lost is what the loads have been worked on by (trapezoid rule), less what is stored.
+    Written: the six components and loads, for the next step, the stored energy W, the energy lost so far [J], the
+    memory. Lost is what the loads have been worked on by (trapezoid rule), less what is stored.
     """
     stretch, axes, respond = element.stretch, element.axes, element.respond
     rates = component_rates if flows else no_component_rates
@@ -202,11 +202,11 @@ def felt(s: Stretch, k: Stiffness, section: Section, ref: Reference) -> Deformat
     """Return what a damage law sees of a stretch: scalars, and stresses and stiffness of the undamaged bond."""
     slip, bending = norm(s.slip), norm(s.bending)
     twist = absolute(s.twist)
+    kn, ks = k.kn / section.area, k.ks / section.area
+    kb, kt = k.kb / section.modulus, 0.5 * k.kt / section.modulus
     return Deformation(
         s.opening, slip, twist, bending, norm(ref.r0), section.area,
-        k.kn * s.opening / section.area, k.ks * slip / section.area,
-        k.kb * bending / section.modulus, 0.5 * k.kt * twist / section.modulus,
-        k.kn / section.area, k.ks / section.area,
+        kn * s.opening, ks * slip, kb * bending, kt * twist, kn, ks,
     )  # fmt: skip
 
 

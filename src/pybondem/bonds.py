@@ -33,7 +33,9 @@ class Elastic:
 
 
 class Declared(Protocol):
-    """What a law with values knows of its declaration."""
+    """What a law with values knows of its declaration; user: the function as its author wrote it."""
+
+    user: Callable[..., Any]
 
     def check_values(self, values: Any) -> None:
         """Raise InputError where values (a named tuple of numbers or arrays) may not be taken."""
@@ -50,17 +52,17 @@ class ValuedLaw:
     """A law with its values, ready for a Bond or a Joint.
 
     kind: "damage" or "bond"; function: see `physics.types.LawFunction`; parameters: the values as a named tuple of
-    numbers, arrays with one value per bond, or a Scatter; memory: the type of its memory, which starts at zero; modes: 1
-    where one damage serves all modes, 4 where each has its own; flows: whether it reads rates or the time step;
-    branches: whether it cannot take whole arrays; potential: stored energy of a bond law; stiffness: shear stiffness per
-    area [Pa/m] that the law brings for joints, if any; declared: the law itself.
+    numbers, arrays with one value per bond, or a Scatter; memory: the type of its memory, which starts at zero; modes:
+    1 where one damage serves all modes, 4 where each has its own; flows: whether it reads rates or the time step;
+    branches: whether it cannot take whole arrays; potential: stored energy of a bond law; stiffness: shear stiffness
+    per area [Pa/m] that the law brings for joints, if any; declared: the law itself.
     """
 
     name: str
     kind: str
     function: LawFunction
     parameters: Any
-    memory: type[Any]
+    memory: Any
     modes: int
     flows: bool
     branches: bool
@@ -81,8 +83,8 @@ class ValuedLaw:
 class Bond:
     """A bond: elastic form, law (None: unbreakable), damping ratio zeta of its dashpots [-].
 
-    hand_over: once all of it has failed the bond answers nothing, not even to being pressed together: its pair goes to a
-    contact law. By default a broken bond that is pressed together keeps its normal stiffness.
+    hand_over: once all of it has failed the bond answers nothing, not even to being pressed together: its pair goes to
+    a contact law. By default a broken bond that is pressed together keeps its normal stiffness.
     """
 
     elastic: Elastic
@@ -96,7 +98,7 @@ class Bond:
         if self.law is not None:
             _check_law("Bond", self.law)
             if self.law.stiffness is not None:
-                raise InputError("the law of Bond brings a stiffness per area, which is for Joint; leave stiffness out.")
+                raise InputError("the law of Bond brings a stiffness per area, which is for Joint; leave it out.")
         nonnegative("damping of Bond", self.damping, "1")
 
 
@@ -104,8 +106,8 @@ class Bond:
 class Joint:
     """An interface bond: a law that brings its shear stiffness per area, normal stiffness per area [Pa/m].
 
-    normal_stiffness defaults to the shear stiffness; damping is the damping ratio zeta of its dashpots [-]; hand_over as
-    in `Bond`.
+    normal_stiffness defaults to the shear stiffness; damping is the damping ratio zeta of its dashpots [-]; hand_over
+    as in `Bond`.
     """
 
     law: ValuedLaw
@@ -169,8 +171,9 @@ def springs(
 
 def _check_law(what: str, law: Any) -> None:
     if not isinstance(law, ValuedLaw):
-        values = f"; {law.name} needs values: {law.name}(...)" if hasattr(law, "check_values") else ""
-        raise InputError(f"the law of {what} is {law!r}; give a law with its values, such as strength(...){values}.")
+        if hasattr(law, "check_values"):
+            raise InputError(f"the law of {what} is {law.name} without values; give it values: {law.name}(...).")
+        raise InputError(f"the law of {what} is {law!r}; give a law with its values, such as strength(...).")
 
 
 def _ratio(radius_ratio: float) -> float:

@@ -1,6 +1,6 @@
 """The words that physics may use.
 
-A vector is a tuple of components; a component is a float (plain Python, Numba, CUDA) or an array (NumPy). The seven
+A vector is a tuple of components; a component is a float (plain Python, Numba, CUDA) or an array (NumPy). The eight
 words below that are not plain arithmetic are replaced by each engine's own versions (`engines/binding.py`); all
 the others are built from them, so one text serves every engine.
 """
@@ -10,7 +10,7 @@ from typing import Any
 
 __all__ = [
     "Number", "Quaternion", "Vector",
-    "absolute", "add", "cross", "dot", "exp", "log", "maximum", "minimum", "minus", "norm", "normal_to",
+    "absolute", "add", "cross", "dot", "exp", "log", "maximum", "minimum", "minus", "norm", "normal_to", "power",
     "quaternion_product", "rotate", "sqrt", "times", "where",
 ]  # fmt: skip
 
@@ -37,6 +37,11 @@ def maximum(a: Number, b: Number) -> Number:
 def absolute(a: Number) -> Number:
     """Return |a|."""
     return a if a >= 0.0 else -a
+
+
+def power(a: Number, b: Number) -> Number:
+    """Return a^b, a >= 0: faster in compiled loops than a**b, unless b is a whole number."""
+    return a**b
 
 
 def add(a: Vector, b: Vector) -> Vector:

@@ -46,12 +46,20 @@ class Block:
     count: int
 
 
+class Called(NamedTuple):
+    """A law in the program: the function as its author wrote it, as the bodies call it, and types of its arguments."""
+
+    user: Callable[..., Any]
+    function: Callable[..., Any]
+    types: tuple[Any, ...]
+
+
 class Program(NamedTuple):
     """Stages and the arrays they work on.
 
     particles: arrays of particle fields; bonds: for each block its arrays of bond fields; shared: load, the lists of
     each particle's own bonds, boundary groups and schedules. A constant is a number, a tuple of numbers, or an array
-    with one value per item, and is read by name like a field.
+    with one value per item, and is read by name like a field. laws: those that the bodies call, to speak of them.
     """
 
     stages: tuple[Stage, ...]
@@ -59,6 +67,7 @@ class Program(NamedTuple):
     particles: dict[str, Any]
     bonds: dict[str, dict[str, Any]]
     shared: dict[str, Any]
+    laws: tuple[Called, ...] = ()
 
     def block(self, name: str) -> Block:
         """Return the block of that name."""

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pybondem.assembly import Assembly, Drag, assemble, energy_program, step_program
+from pybondem.bond_view import bond_fields, failed_pairs, interface, number_of, refuse_values
 from pybondem.check import choice, finite_array, fraction, nonnegative, positive, vector, whole_number
 from pybondem.damping import Kinetic
 from pybondem.energies import Energies, energies, leapfrog_kinetic
@@ -22,8 +23,6 @@ from pybondem.engines.choose import make_engine
 from pybondem.errors import InputError, UnstableError
 from pybondem.measure import Measure, Record
 from pybondem.model import BondSet, Model, Selection
-from pybondem.physics.frame import relative_pose
-from pybondem.physics.types import Pose, Reference
 from pybondem.program import Program
 from pybondem.stability import Limit, stability_limit
 
@@ -207,6 +206,7 @@ class Simulation:
         self._runner.advance(n, self.dt, self.state.tables.schedule(self.step, n, self.dt))
         self.stepping += clocks.perf_counter() - began
         self.step += n
+        refuse_values(self.state, (self.step - n + 1, self.step))
         if not np.isfinite(self.state.particles["x"].sum()):
             bad = ~np.isfinite(self.state.particles["x"]).all(axis=0)
             raise UnstableError(
@@ -238,6 +238,7 @@ class Simulation:
         """Evaluate the loads where the model stands: a step of no length."""
         now = self.state.tables.schedule(self.step, 0, self.dt)
         self._runner.advance(1, 0.0, {name: np.concatenate([row, row]) for name, row in now.items()})
+        refuse_values(self.state, (self.step, self.step))
 
     @contextmanager
     def _keyboard(self) -> Iterator[None]:
@@ -292,44 +293,20 @@ class Simulation:
     def bonds(self, bonds: BondSet) -> SimpleNamespace:
         """Return copies of the fields of a bond set, in the order of its pairs.
 
-        force (m, 3): force on the first end [N]; damage (m,); energy (m,) [J]; i, j, kn, ks, kt, kb, area, ... (m,).
+        force (m, 3): force on the first end [N]; damage (m,); energy (m,) [J]; i, j, kn, ks, kt, kb, area, ... (m,);
+        m_NAME and p_NAME (m,): each word of the law's memory and each of its parameters; damages (m, 4): of each mode;
+        answer (m, 6): loads of a bond law. Raises InputError for bonds of another model.
         """
-        number = self._number(bonds)
-        block, order = self.state.blocks[number], self.state.bond_order(number)
-        back = np.empty(len(order), np.int64)
-        back[order] = np.arange(len(order))
-        arrays = self.state.bonds[block.name]
-        part = slice(block.first, block.first + block.count)
-        kept_order = self.state.order[arrays["i"]] == bonds.pairs[order, 0]
-        force = np.where(kept_order, 1.0, -1.0) * self.state.shared["load"][:3, part]
-        fields = {name: np.broadcast_to(a, len(back)) for name, a in arrays.items() if np.ndim(a) < 2}
-        fields.setdefault("damage", np.zeros(len(back)))
-        fields |= {"energy": self.bond_energy()[part], "force": force.T}
-        fields |= {"i": self.state.order[arrays["i"]], "j": self.state.order[arrays["j"]]}
-        return SimpleNamespace(**{name: np.array(value[back]) for name, value in fields.items()})
+        return bond_fields(self.state, number_of(self.state, bonds), self.bond_energy())
 
     def interface(self, joints: BondSet) -> tuple[Floats, Floats]:
         """Return slip (m,) [m] and shear stress (m,) [Pa] of a set of joints, in the order of its pairs."""
-        from pybondem.engines.reference import on_arrays
+        return interface(self.state, number_of(self.state, joints))
 
-        number = self._number(joints)
-        if joints.area is None:
-            raise InputError("interface needs joints (Model.join), these are bonds.")
-        arrays, p = self.state.bonds[self.state.blocks[number].name], self.state.particles
-        i, j = (Pose(tuple(p["x"][:, arrays[end]]), tuple(p["q"][:, arrays[end]])) for end in "ij")
-        reference = Reference(tuple(self.state.chord(arrays)), tuple(arrays["normal"]))
-        stretch = on_arrays(self.state.element(number).stretch)(on_arrays(relative_pose)(i, j), reference)
-        slip, tau = np.empty(len(joints.pairs)), np.empty(len(joints.pairs))
-        order = self.state.bond_order(number)
-        slip[order] = np.sqrt(sum(c * c for c in stretch.slip))
-        tau[order] = (1.0 - arrays["damage"]) * arrays["ks"] / arrays["area"]
-        return slip, tau * slip
-
-    def _number(self, bonds: BondSet) -> int:
-        for number, known in enumerate(self.model.bonds):
-            if known is bonds:
-                return number
-        raise InputError("these bonds are not of this model; use what Model.bond or Model.join returned.")
+    @property
+    def failed_pairs(self) -> NDArray[np.int64]:
+        """Pairs of particles (k, 2) whose bonds have failed: those that a contact law will answer for."""
+        return failed_pairs(self.state)
 
     def bond_energy(self) -> Floats:
         """Return the elastic energy of every bond in memory order (bonds,) [J]."""

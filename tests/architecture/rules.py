@@ -28,7 +28,7 @@ LAYERS = (
     {"packing", "theory", "neighbours", "boundaries", "output"},
     {"model"},
     {"assembly", "interface"},
-    {"damping", "stability", "energies", "laws"},
+    {"damping", "stability", "energies", "bond_view", "laws"},
     {"measure", "statics"},
     {"simulation"},
     {"results"},
@@ -205,6 +205,20 @@ def physics_is_pure(package: Package) -> list[str]:
     return found
 
 
+def library_laws_are_a_users(package: Package) -> list[str]:
+    """A published law is written as a user would write it: with words, types, a decorator and other published laws."""
+    allowed = re.compile(
+        r"pybondem\.(ops|physics\.types|laws\.(law|parameters|library(\.\w+)?))|typing|collections\.abc"
+    )
+    return [
+        f"{m.name}:{line} imports {target}; a published law needs no more than a user's"
+        for m in package.values()
+        if m.name.startswith("pybondem.laws.library.")
+        for target, line in imports(m, package)
+        if not allowed.fullmatch(target)
+    ]
+
+
 def compilers_stay_in_their_engines(package: Package) -> list[str]:
     """Only the engines named cpu and cuda know Numba."""
     return [
@@ -315,6 +329,7 @@ RULES: list[Callable[[Package], list[str]]] = [
     arrows_point_downwards,
     no_import_cycle,
     physics_is_pure,
+    library_laws_are_a_users,
     compilers_stay_in_their_engines,
     sources_are_short,
     public_names_are_documented,

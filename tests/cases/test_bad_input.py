@@ -130,13 +130,22 @@ def test_mass(do: Callable[[bd.Model], Any], says: str) -> None:
     (lambda m: bd.springs(kn=1.0, ks=1.0, kb=nan), r"^kb of springs is nan N m/rad; it must be finite"),
     (lambda m: bd.strength(tension=-1.0, shear=1.0), r"^tension of strength is -1 Pa; it must be positive"),
     (lambda m: bd.strength(tension=1.0, shear=[1.0, 0.0]), r"^shear of strength\[1\] is 0.* Pa; it must be positive"),
-    (lambda m: bd.strength(tension=1.0, shear=1.0, moment_share=1.5), r"^moment_share of strength is 1.5; it must be between 0 and 1"),
+    (
+        lambda m: bd.strength(tension=1.0, shear=1.0, moment_share=1.5),
+        r"^moment_share of strength is 1.5; it must be between 0 and 1",
+    ),
     (
         lambda m: bd.bilinear(slip_peak=2.0, slip_end=1.0),
         r"^bilinear needs slip_end > slip_peak; the values are slip_peak = 2, slip_end = 1",
     ),
-    (lambda m: bd.bilinear(slip_peak=[1.0, 3.0], slip_end=2.0), r"^bilinear needs slip_end > slip_peak; the values of bond 1 are slip_peak = 3, slip_end = 2"),
-    (lambda m: bd.bilinear(slip_peak=[1, 1], slip_end=[2, 2, 2]), r"^the parameters of bilinear have .*slip_peak 2 and slip_end 3"),
+    (
+        lambda m: bd.bilinear(slip_peak=[1.0, 3.0], slip_end=2.0),
+        r"^bilinear needs slip_end > slip_peak; the values of bond 1 are slip_peak = 3, slip_end = 2",
+    ),
+    (
+        lambda m: bd.bilinear(slip_peak=[1, 1], slip_end=[2, 2, 2]),
+        r"^the parameters of bilinear have .*slip_peak 2 and slip_end 3",
+    ),
     (lambda m: bd.bilinear(slip_peak=1.0, slip_end=2.0, stiffness=0.0), r"^stiffness of bilinear is 0.0 Pa/m"),
     (lambda m: bd.Bond(bd.parallel(1.0, 1.0), damping=-0.1), r"^damping of Bond is -0.1; it must not be negative"),
     (lambda m: bd.Joint(GROUT.law, damping=-0.1), r"^damping of Joint is -0.1; it must not be negative"),
@@ -408,7 +417,10 @@ def test_shapes(do: Callable[[bd.Model], Any], says: str) -> None:
     ("bond", "says"),
     [
         (bd.Bond(bd.springs(kn=[1e6, 1e6, 1e6], ks=1e6)), r"^kn has 3 values; give one number or one per bond \(2\)"),
-        (bd.Bond(bd.springs(1e6, 1e6), bd.strength([1e6, 2e6, 3e6], 1e6)), r"^tension has 3 values; give one number or one"),
+        (
+            bd.Bond(bd.springs(1e6, 1e6), bd.strength([1e6, 2e6, 3e6], 1e6)),
+            r"^tension has 3 values; give one number or one",
+        ),
         (bd.Bond(bd.springs(1e6, 1e6), bd.bilinear([1e-4] * 4, 4e-4)), r"^slip_peak has 4 values; give one number"),
     ],
 )

@@ -14,6 +14,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from importlib import import_module
+from pathlib import Path
 from types import BuiltinFunctionType, SimpleNamespace
 from typing import Any, NamedTuple
 
@@ -31,6 +32,7 @@ from pybondem.errors import EngineError
 from pybondem.ops import Vector, absolute, cross, exp, log, maximum, minimum, norm, sqrt, where
 from pybondem.physics.types import Deformation, Rate, Stiffness
 
+HERE = Path(__file__).name
 MISSING = missing()
 needs_compiler = pytest.mark.skipif(MISSING is not None, reason=f"no compiler for GPUs: {MISSING}")
 CAPABILITIES = [(8, 0), (9, 0), (10, 0)]
@@ -420,7 +422,7 @@ def check_sentence(said: str, function: Any, reason: str, line: int) -> None:
     source = inspect.getsourcelines(sys.modules[__name__])[0][line - 1].strip()
     assert "\n" not in said
     assert said.startswith(f"{function.__name__} cannot be compiled: ")
-    assert said.endswith(f" ({__file__}:{line}: {source}).")
+    assert said.endswith(f" ({HERE}, line {line}: {source}).")
     assert re.search(reason, said)
 
 
@@ -495,7 +497,7 @@ def test_a_declared_law_is_explained_by_its_own_lines():
     function, kinds = with_kinds(listed(rate=1.0))
     with pytest.raises(EngineError, match="has no append") as caught:
         compile_for_gpu(function, kinds)
-    assert f"{__file__}:{marked(listed.user)}: values.append(1.0)  # here)." in str(caught.value)
+    assert f"{HERE}, line {marked(listed.user)}: values.append(1.0)  # here)." in str(caught.value)
 
 
 @needs_compiler
@@ -510,7 +512,7 @@ def test_a_declared_law_is_explained_by_its_own_lines():
     ids=["text", "none", "mixed", "empty"],
 )
 def test_a_law_on_cuda_returns_numbers(law, kind):
-    with pytest.raises(EngineError, match=rf"must return numbers, and returns {kind} \({re.escape(__file__)}:\d+: "):
+    with pytest.raises(EngineError, match=rf"must return numbers, and returns {kind} \({re.escape(HERE)}, line \d+: "):
         compile_for_gpu(law, (Pair,))
 
 

@@ -1,8 +1,10 @@
 """The damage laws of the library against tractions, energies and strengths written down apart from them."""
 
+import ast
 from collections.abc import Callable
 from itertools import pairwise
 from math import cos, exp, pi, sin, sqrt
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -133,6 +135,19 @@ def test_mixed_mode_spends_its_toughness(shape: str, criterion: str, kn: float, 
         for x in np.linspace(0.0, 1.1 * corners[-1], 10)[1:]:
             assert answered(x) == pytest.approx(traction(x), rel=1e-9, abs=1e-12 * traction(corners[0]))
         assert area_below(answered, corners) == pytest.approx(G, rel=1e-9)
+    promised = law.declared.toughness
+    assert (promised["opening"](law.parameters, kn), promised["slip"](law.parameters, ks)) == (100.0, 300.0)
+
+
+def test_power_law_of_another_exponent() -> None:
+    """alpha = 2 at equal shares: G_c = 1 / sqrt((0.5/100)^2 + (0.5/300)^2) = 189.7367 J/m2."""
+    law = library.bilinear_power(tension=TENSION, shear=SHEAR, G_I=G_I, G_II=G_II, alpha=2.0)
+    cn, cs = direction(0.5, KN, KS)
+    _, (peak, end) = straight("bilinear", cn, cs, KN, KS, 189.73665961)
+    states = [deformation(cn * x, cs * x) for x in (0.5 * (peak + end), 0.999999 * end, 1.000001 * end)]
+    half = 1.0 - peak / (peak + end)  # half of the peak's stress is left at the middle
+    assert damages(law, states) == pytest.approx([half, 1.0, 1.0], abs=1e-5)
+    assert damages(law, states)[1] < damages(law, states)[2] == 1.0
 
 
 @pytest.mark.parametrize("name", [f"{shape}_{criterion}" for shape in SHAPES for criterion in ("bk", "power")])
@@ -164,6 +179,7 @@ def test_mixed_mode_breaks_at_once_where_the_toughness_is_too_small() -> None:
         law = getattr(library, f"{shape}_bk")(tension=TENSION, shear=SHEAR, G_I=20.0, G_II=20.0, eta=2.0, **more)
         assert damages(law, [deformation(0.999999 * TENSION / KN)]) == [0.0]
         assert damages(law, [deformation(1.000001 * TENSION / KN)]) == pytest.approx([1.0], abs=2e-6)
+        assert law.declared.toughness["opening"](law.parameters, KN) == pytest.approx(22.5, rel=1e-12)
 
 
 # Strengths ------------------------------------------------------------------------------------------------------
@@ -227,6 +243,9 @@ def test_rate_strength(opening_rate: float, slip_rate: float, growth: float) -> 
     for name, strength in (("normal_stress", 4e6), ("shear_stress", 8e6)):
         states = [deformation()._replace(**{name: s * growth * strength}) for s in (0.9999, 1.0001)]
         assert damages(LAWS["rate_strength"], states, rate) == [0.0, 1.0]
+        moment = {"normal_stress": "bending_stress", "shear_stress": "twist_stress"}[name]
+        both = [s._replace(**{name: 0.3 * getattr(s, name), moment: 0.7 * getattr(s, name)}) for s in states]
+        assert damages(LAWS["rate_strength"], both, rate) == [0.0, 1.0]
 
 
 # Concrete -------------------------------------------------------------------------------------------------------
@@ -320,3 +339,30 @@ def test_arrays_as_numbers(name: str) -> None:
 def test_values_out_of_range(name: str, values: dict[str, float]) -> None:
     with pytest.raises(InputError):
         getattr(library, name)(**values)
+
+
+@pytest.mark.parametrize("name", library.__all__)
+def test_every_parameter_says_what_it_is(name: str) -> None:
+    """Unit, meaning, and a typical value with which the law can be made."""
+    law = getattr(library, name)
+    assert name in LAWS
+    assert all(p.unit and p.meaning and p.typical is not None for p in law.parameters.values())
+    typical = law(**{word: p.typical for word, p in law.parameters.items()})
+    assert typical.branches is False
+    assert len(typical.parameters) == len(law.parameters)
+
+
+USED = {"typing", "pybondem.ops", "pybondem.physics.types", "pybondem.laws.law", "pybondem.laws.parameters"}
+
+
+@pytest.mark.parametrize("path", sorted(Path(library.__file__).parent.glob("[a-z]*.py")), ids=lambda p: p.stem)
+def test_every_law_is_written_as_a_user_would(path: Path) -> None:
+    """A few imports, short functions, no branches."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    nodes = list(ast.walk(tree))
+    imported = {n.module for n in nodes if isinstance(n, ast.ImportFrom)}
+    assert {m for m in imported if m and not m.startswith("pybondem.laws.library.")} <= USED
+    assert not [n for n in nodes if isinstance(n, ast.Import | ast.If | ast.IfExp | ast.For | ast.While)]
+    functions = [n for n in nodes if isinstance(n, ast.FunctionDef)]
+    assert functions
+    assert all(n.end_lineno is not None and n.end_lineno - n.lineno < 15 for n in functions)

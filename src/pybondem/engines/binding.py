@@ -1,8 +1,8 @@
 """The same physics for another target: re-bind a function's own code to that target's words.
 
 No source text is read or written: a bound function shares the code object of the original, and only the global names
-and closure cells that it uses are replaced, recursively. Names looked up in a module (`bd.exp`, `math.exp`) are replaced
-in a stand-in for that module.
+and closure cells that it uses are replaced, recursively. Names looked up in a module (`bd.exp`, `math.exp`) are
+replaced in a stand-in for that module.
 """
 
 import builtins
@@ -36,8 +36,8 @@ def parts_of(module: ModuleType, names: set[str]) -> dict[str, Any]:
 def bind(function: Callable[..., Any], words: Words, finish: Finish, made: dict[Any, Any]) -> Any:
     """Return `function` in another target's words.
 
-    words: replacements for functions of `ops`, of `math` and of Python itself; finish: what makes a target's function of
-    a plain one (a compiler, or the identity); made: the functions bound so far, extended here.
+    words: replacements for functions of `ops`, of `math` and of Python itself; finish: what makes a target's function
+    of a plain one (a compiler, or the identity); made: the functions bound so far, extended here.
     """
     if function in made:
         return made[function]

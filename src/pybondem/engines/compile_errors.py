@@ -110,9 +110,9 @@ def explain(error: Exception, function: Callable[..., Any]) -> str:
 
 
 def located(place: Place) -> str:
-    """Return "path:line: source" of a place, without the source where there is none to read."""
+    """Return "file, line n: source" of a place, without the source where there is none to read."""
     source = linecache.getline(place.path, place.line).strip()
-    return f"{place.path}:{place.line}" + (f": {source}" if source else "")
+    return f"{Path(place.path).name}, line {place.line}" + (f": {source}" if source else "")
 
 
 def first_line(function: Callable[..., Any]) -> Place:

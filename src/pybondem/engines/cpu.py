@@ -7,6 +7,7 @@ The same bits for every number of threads: each item is written by one iteration
 
 import hashlib
 import importlib.util
+import math
 import os
 import platform
 import sys
@@ -23,13 +24,14 @@ import numpy as np
 from numba.core import config
 
 from pybondem import ops
+from pybondem.engines import cpu_words
 from pybondem.engines.binding import bind, globals_of, names_of, parts_of
+from pybondem.engines.compile_errors import explain
 from pybondem.engines.loops import INDEX_WORDS, Loops
-from pybondem.errors import EngineError
+from pybondem.errors import EngineError, LawError
 from pybondem.program import Program
 from pybondem.state import Arrays
 
-WORDS = {ops.sqrt: np.sqrt, ops.exp: np.exp, ops.log: np.log}
 SPINS = "2000"
 BONDS_PER_THREAD = 1000  # fewer are faster on fewer threads
 
@@ -40,6 +42,11 @@ _MODULES: dict[str, ModuleType] = {}
 def inlined(function: FunctionType) -> Any:
     """Return a function that is always inlined, with IEEE division."""
     return numba.njit(forceinline=True, error_model="numpy")(function)
+
+
+WORDS: dict[Any, Any] = {ops.sqrt: np.sqrt, math.pow: bind(cpu_words.power, {}, inlined, _BOUND)}
+for word in ("exp", "log", "power"):
+    WORDS[getattr(ops, word)] = bind(getattr(cpu_words, word), {}, inlined, _BOUND)
 
 
 def physical_cores() -> int:
@@ -156,6 +163,16 @@ def compiled(loops: Loops) -> Any:
     return module.advance
 
 
+def refuse_laws(program: Program) -> None:
+    """Compile each law of a program alone; raises LawError with its author's own line for the first that cannot be."""
+    for law in program.laws:
+        numbers = [1.0 if kind is float else kind(*(1.0 for _ in kind._fields)) for kind in law.types]
+        try:
+            bind(law.function, WORDS, inlined, _BOUND)(*numbers)
+        except Exception as error:
+            raise LawError(f"{explain(error, law.user)} The engines reference and interpreted run it.") from None
+
+
 class CpuRunner:
     """A program as one compiled function."""
 
@@ -168,7 +185,11 @@ class CpuRunner:
     def advance(self, steps: int, dt: float, schedule: Arrays) -> None:
         """Run the program's stages `steps` times, dt [s] apart."""
         numba.set_num_threads(self._threads)
-        self._advance(steps, *self._loops.values(dt, schedule))
+        try:
+            self._advance(steps, *self._loops.values(dt, schedule))
+        except Exception:  # Numba raises more than its own errors
+            refuse_laws(self._loops.program)
+            raise
 
 
 class Cpu:

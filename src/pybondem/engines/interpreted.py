@@ -3,9 +3,11 @@
 The baseline that the PyBONDEM-GPU paper calls NumPy, and a place to set a breakpoint.
 """
 
+import traceback
 from typing import Any
 
 from pybondem.engines.loops import INDEX_WORDS, Loops
+from pybondem.errors import LawError
 from pybondem.program import Program
 from pybondem.state import Arrays
 
@@ -21,7 +23,20 @@ class InterpretedRunner:
 
     def advance(self, steps: int, dt: float, schedule: Arrays) -> None:
         """Run the program's stages `steps` times, dt [s] apart."""
-        self._advance(steps, *self._loops.values(dt, schedule))
+        try:
+            self._advance(steps, *self._loops.values(dt, schedule))
+        except (ArithmeticError, ValueError) as error:
+            raise self._refused(error) from error
+
+    def _refused(self, error: Exception) -> Exception:
+        """Return what to raise for what numbers of plain Python refuse, and other engines take for nan or inf."""
+        frames = traceback.extract_tb(error.__traceback__)
+        for law in self._loops.program.laws:
+            lines = [f for f in frames if f.filename == law.user.__code__.co_filename and f.name == law.user.__name__]
+            if lines:
+                where = f"line {lines[-1].lineno}: {lines[-1].line}"
+                return LawError(f"the law {law.user.__name__} fails ({where}): {type(error).__name__}: {error}.")
+        return error
 
 
 class Interpreted:

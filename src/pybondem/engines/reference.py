@@ -13,6 +13,7 @@ from pybondem.engines.loops import GROUP, SCHEDULED
 from pybondem.program import Program, Stage
 from pybondem.state import CHORD, Arrays
 
+
 def largest(*values: Any) -> Any:
     """Return the largest of several numbers, item by item."""
     return reduce(np.maximum, values)
@@ -27,13 +28,14 @@ def smallest(*values: Any) -> Any:
 OTHER_NAMES = {"acos": "arccos", "asin": "arcsin", "atan": "arctan", "atan2": "arctan2", "pow": "power"}
 MATH = {
     getattr(math, name): getattr(np, OTHER_NAMES.get(name, name))
-    for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "log10", "log1p", "log2", "expm1", "hypot", "fabs", "floor")
+    for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "log10", "log1p", "log2", "expm1", "hypot", "floor")
 }
 MATH |= {getattr(math, name): getattr(np, other) for name, other in OTHER_NAMES.items()}
 WORDS = MATH | {
     ops.sqrt: np.sqrt,
     ops.exp: np.exp,
     ops.log: np.log,
+    ops.power: np.power,
     ops.where: np.where,
     ops.minimum: np.minimum,
     ops.maximum: np.maximum,
@@ -60,7 +62,7 @@ def one_by_one(function: Callable[..., Any]) -> Callable[..., Any]:
     def looped(*given: Any) -> Any:
         items = [part for group in given for part in (group if isinstance(group, tuple) else (group,))]
         columns = [np.atleast_1d(column) for column in np.broadcast_arrays(*items)]
-        rows = list(zip(*columns, strict=True))
+        rows: list[Any] = list(zip(*columns, strict=True))
         found = [function(*_grouped(given, row)) for row in rows or [np.ones(len(columns))]]
         answers, memories = zip(*found, strict=True)
         kind, many = type(answers[0]), slice(len(rows))

@@ -7,10 +7,10 @@
 
     bond = bd.Bond(bd.parallel(E=1e9, stiffness_ratio=2.0), tiring(rate=50.0))
 
-A law names what it reads, in this order: d, the deformation (`Deformation` in a damage law, `Components` in a bond law);
-k, the `Stiffness` of the bond (bond laws only); m, its memory, which starts at zero; p, its parameters; rate, how fast
-d changes (`Rate`, or `ComponentRates`); dt, the time step [s]. It returns its answer - damage, a `Damage` with one value
-for each mode, or the `Loads` of a bond law - and then each word of its memory.
+A law names what it reads, in this order: d, the deformation (`Deformation` in a damage law, `Components` in a bond
+law); k, the `Stiffness` of the bond (bond laws only); m, its memory, which starts at zero; p, its parameters; rate, how
+fast d changes (`Rate`, or `ComponentRates`); dt, the time step [s]. It returns its answer - damage, a `Damage` with one
+value for each mode, or the `Loads` of a bond law - and then each word of its memory.
 """
 
 from collections import namedtuple
@@ -31,9 +31,10 @@ Function = Callable[..., Any]
 class Law:
     """A declared law. Called with the values of its parameters it is ready for a Bond or a Joint.
 
-    name, user (the function as it was written), kind ("damage" or "bond"), parameters (name -> Parameter), memory (word ->
-    unit), needs (what must hold between parameters), toughness (fracture energy per area [J/m2] in "opening" and "slip", as
-    functions of the parameters and the stiffness per area [Pa/m]), potential (stored energy [J] of a bond law).
+    name, user (the function as it was written), kind ("damage" or "bond"), parameters (name -> Parameter), memory (word
+    -> unit), needs (what must hold between parameters), toughness (fracture energy per area [J/m2] in "opening" and
+    "slip", as functions of the parameters and the stiffness per area [Pa/m]), potential (stored energy [J] of a bond
+    law).
     """
 
     def __init__(self, user: Function, kind: str, parameters: Mapping[str, str | Parameter], memory: Mapping[str, str],
@@ -43,9 +44,9 @@ class Law:
         self.parameters = declared(self.name, parameters)
         self.memory = dict(memory)
         self.__doc__ = user.__doc__
-        self._values = namedtuple("Parameters", self.parameters)  # type: ignore[misc]
-        self._words = namedtuple("Memory", self.memory)  # type: ignore[misc]
-        typical = self._values(*(sample(p) for p in self.parameters.values()))
+        self._values: Any = namedtuple("Parameters", self.parameters)  # type: ignore[misc]
+        self._words: Any = namedtuple("Memory", self.memory)  # type: ignore[misc]
+        typical = self._values(**{name: sample(p) for name, p in self.parameters.items()})
         self._read: Reading = read_function(self.name, user, kind, typical, self._words, potential)
 
     def __repr__(self) -> str:
@@ -76,7 +77,8 @@ class Law:
         check_values(self.name, self.parameters, self.needs, values)
 
     def check(self, *values: Any, quiet: bool = False, **named: Any) -> Report:
-        """Try the law with these values (by default its typical ones) on every engine; print and return what was found."""
+        """Try the law with these values (by default its typical ones) on every engine; print and return what was
+        found."""
         return check_law(self._tried(values, named), quiet=quiet)
 
     def plot(self, *values: Any, path: str | None = None, **named: Any) -> Any:
@@ -96,9 +98,9 @@ def damage_law(function: Function | None = None, *, parameters: Mapping[str, str
     """Declare a damage law: a decorator of function(d, m, p, rate, dt) -> damage, memory words.
 
     parameters: unit of each, or a `Parameter` with meaning and range; memory: unit of each word; needs: what must hold
-    between parameters, {"end > peak": lambda p: p.end > p.peak}; toughness: fracture energy per area that `check` should
-    find, {"slip": lambda p, k: ...}, k the stiffness per area [Pa/m]. Returns a `Law`. Raises LawError for a function
-    that is not a law.
+    between parameters, {"end > peak": lambda p: p.end > p.peak}; toughness: fracture energy per area that `check`
+    should find, {"slip": lambda p, k: ...}, k the stiffness per area [Pa/m]. Returns a `Law`. Raises LawError for a
+    function that is not a law.
     """
 
     def declare(user: Function) -> Law:
@@ -113,8 +115,8 @@ def bond_law(function: Function | None = None, *, parameters: Mapping[str, str |
     """Declare a bond law: a decorator of function(d, k, m, p, rate, dt) -> Loads, memory words.
 
     potential: the energy [J] that the bond holds, as a function of the same arguments (d, k, m, p, those it names), m
-    being the memory that was returned; without it the energy that its loads hold in the elastic form, sum Q^2 / 2k. A memory
-    word named "damage" is reported as the damage of the bond. The rest as in `damage_law`.
+    being the memory that was returned; without it the energy that its loads hold in the elastic form, sum Q^2 / 2k. A
+    memory word named "damage" is reported as the damage of the bond. The rest as in `damage_law`.
     """
 
     def declare(user: Function) -> Law:

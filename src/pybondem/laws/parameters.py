@@ -53,13 +53,15 @@ def declared(law: str, parameters: Mapping[str, str | Parameter]) -> dict[str, P
     found = {name: Parameter(p) if isinstance(p, str) else p for name, p in dict(parameters).items()}
     for name, parameter in found.items():
         if not isinstance(parameter, Parameter):
-            raise LawError(f"parameter {name!r} of {law} is {parameter!r}; give its unit, such as 'Pa', or a Parameter.")
+            raise LawError(f"parameter {name!r} of {law} is {parameter!r}; give its unit ('Pa') or a Parameter.")
         if name == "stiffness":
-            raise LawError(f"{law} cannot have a parameter named 'stiffness': that is what a Joint takes from every law.")
+            raise LawError(f"{law} cannot have a parameter named 'stiffness': a Joint takes that of every law.")
     return found
 
 
-def given(law: str, parameters: Mapping[str, Parameter], positional: tuple[Any, ...], named: dict[str, Any]) -> dict[str, Any]:
+def given(
+    law: str, parameters: Mapping[str, Parameter], positional: tuple[Any, ...], named: dict[str, Any]
+) -> dict[str, Any]:
     """Return a value for each parameter: a number, one per bond (m,), or a Scatter.
 
     Raises InputError for a misspelt, missing, doubled or surplus value, and for one outside the parameter's range.

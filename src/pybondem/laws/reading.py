@@ -1,5 +1,6 @@
 """Reading a law: what its function names, whether it runs, what it returns; the same function with all arguments."""
 
+import dis
 import inspect
 import linecache
 import traceback
@@ -9,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pybondem.check import nearest
+from pybondem.engines.binding import globals_of
 from pybondem.engines.reference import on_arrays
 from pybondem.errors import LawError
 from pybondem.laws.parameters import Parameter
@@ -28,6 +30,7 @@ Function = Callable[..., Any]
 NAMES = {"damage": ("d", "m", "p", "rate", "dt"), "bond": ("d", "k", "m", "p", "rate", "dt")}
 ALL = NAMES["bond"]
 FLOWS = {"rate", "dt"}  # what a law must ask for: it costs the velocities of both ends
+EFFECTS = {"STORE_SUBSCR", "STORE_SLICE", "STORE_ATTR", "STORE_GLOBAL", "DELETE_SUBSCR", "DELETE_ATTR", "DELETE_GLOBAL"}
 
 # Without one of the arguments (d, k, m, p, rate, dt); compilers need the places as constants.
 DROP: dict[str, Callable[[Function], Function]] = {
@@ -76,8 +79,9 @@ def read_function(name: str, user: Function, kind: str, values: Any, words: Any,
     Raises LawError with the user's own line where it is not a law.
     """
     named = _arguments(name, user, NAMES[kind], kind)
-    given = {**SAMPLES[kind], "k": Stiffness(1e6, 1e6, 1.0, 1.0), "m": words(*(0.0 for _ in words._fields)), "p": values}
-    given["dt"] = 1e-6
+    _refuse_effects(name, user)
+    nothing = words(*(0.0 for _ in words._fields))
+    given = {**SAMPLES[kind], "k": Stiffness(1e6, 1e6, 1.0, 1.0), "m": nothing, "p": values, "dt": 1e-6}
     modes = _returned(name, user, kind, words, _called(name, user, named, given))
     function = _with_all(_split(user, bool(words._fields)), named)
     energy = None
@@ -113,18 +117,37 @@ def _with_all(function: Function, named: tuple[str, ...]) -> Function:
 
 
 def _arguments(name: str, user: Function, allowed: tuple[str, ...], kind: str) -> tuple[str, ...]:
-    """Return the names of a function's arguments. Raises LawError unless they are of those a law may read, in order."""
+    """Return the names of a function's arguments. Raises LawError unless a law may read them, in their order."""
     if not inspect.isfunction(user):
-        raise LawError(f"a {kind} law is made of a function, def {'law'}({', '.join(allowed[:3])}): ...; got {user!r}.")
-    found = tuple(inspect.signature(user).parameters)
-    plain = all(p.kind is p.POSITIONAL_OR_KEYWORD and p.default is p.empty for p in inspect.signature(user).parameters.values())
+        raise LawError(f"a {kind} law is made of a function, def law({', '.join(allowed[:3])}): ...; got {user!r}.")
+    arguments = inspect.signature(user).parameters
+    found = tuple(arguments)
+    plain = all(p.kind is p.POSITIONAL_OR_KEYWORD and p.default is p.empty for p in arguments.values())
     expected = tuple(a for a in allowed if a in found)
     if not plain or found != expected or found[:1] != ("d",):
         raise LawError(
-            f"{name} ({_where(user)}) takes ({', '.join(map(str, inspect.signature(user).parameters.values()))}); a {kind} "
-            f"law takes d and what it needs of {', '.join(allowed[1:])}, by these names and in this order."
+            f"{name} ({_where(user)}) takes ({', '.join(map(str, arguments.values()))}); a {kind} law takes d and what "
+            f"it needs of {', '.join(allowed[1:])}, by these names and in this order."
         )
     return found
+
+
+def _refuse_effects(name: str, user: Function) -> None:
+    """Raise LawError where a function changes something, or uses what others may change."""
+    for step in dis.get_instructions(user):
+        if step.opname in EFFECTS:
+            line = step.positions.lineno if step.positions else None
+            raise LawError(
+                f"{name} ({_at(user, line)}) writes into something; a law makes new numbers and changes nothing, so "
+                "that it can run on any engine and for all bonds at once."
+            )
+    cells = zip(user.__code__.co_freevars, (c.cell_contents for c in user.__closure__ or ()), strict=True)
+    for word, value in (*globals_of(user).items(), *cells):
+        if isinstance(value, list | dict | set):
+            raise LawError(
+                f"{name} ({_where(user)}) uses {word}, a {type(value).__name__} from outside, which may change; give "
+                "it numbers as parameters, or a tuple."
+            )
 
 
 def _called(name: str, user: Function, named: tuple[str, ...], given: dict[str, Any]) -> Any:
@@ -161,9 +184,8 @@ def _returned(name: str, user: Function, kind: str, words: Any, found: Any) -> i
     if split != remembers or len(values) != len(wanted):
         raise LawError(f"{said}: {len(wanted)} value{'s' * remembers}; it returns {len(values)}.")
     answer, memory = values[0], values[1:]
-    if kind == "bond":
-        if not isinstance(answer, Loads):
-            raise LawError(f"{said}, as Loads(n, s, t, twist, bend_s, bend_t); it returns {answer!r}.")
+    if kind == "bond" and not isinstance(answer, Loads):
+        raise LawError(f"{said}, as Loads(n, s, t, twist, bend_s, bend_t); it returns {answer!r}.")
     numbers = [*answer] if isinstance(answer, Damage | Loads) else [answer]
     for value in (*numbers, *memory):
         if np.ndim(value) or np.asarray(value).dtype.kind not in "fiu":
@@ -183,18 +205,21 @@ def _branches(user: Function, named: tuple[str, ...], given: dict[str, Any]) -> 
 
 
 def _where(user: Function) -> str:
-    code = user.__code__
-    return f"{_short(code.co_filename)}, line {code.co_firstlineno}"
+    return f"{_short(user.__code__.co_filename)}, line {user.__code__.co_firstlineno}"
+
+
+def _at(user: Function, number: int | None) -> str:
+    """Return file, line and text of a line of a function."""
+    if number is None:
+        return _where(user)
+    text = linecache.getline(user.__code__.co_filename, number).strip()
+    return f"{_short(user.__code__.co_filename)}, line {number}{': ' + text if text else ''}"
 
 
 def _line(user: Function, error: Exception) -> str:
     """Return where in a user's function an error arose, with the line itself."""
     frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == user.__code__.co_filename]
-    if not frames or frames[-1].lineno is None:
-        return f"({_where(user)})"
-    number = frames[-1].lineno
-    text = linecache.getline(user.__code__.co_filename, number).strip()
-    return f"({_short(user.__code__.co_filename)}, line {number}{': ' + text if text else ''})"
+    return f"({_at(user, frames[-1].lineno if frames else None)})"
 
 
 def _short(path: str) -> str:

@@ -133,7 +133,8 @@ def linear_load(i: Motion, j: Motion, opening: Vector, ref: Reference, k: Stiffn
 
 
 def across(n: Vector) -> tuple[Vector, Vector]:
-    """Return two unit vectors normal to the unit vector n and to one another (Duff et al., J. Comp. Graph. Tech. 6, 2017)."""
+    """Return two unit vectors normal to the unit vector n and to one another (Duff et al., J. Comp. Graph. Tech. 6,
+    2017)."""
     sign = where(n[2] < 0.0, -1.0, 1.0)
     a = -1.0 / (sign + n[2])
     b = n[0] * n[1] * a
@@ -171,8 +172,8 @@ def component_rates(rel: Relative, frame: Frame, i: Motion, j: Motion) -> Compon
 def moments(rel: Relative, frame: Frame, q: Loads) -> tuple[Vector, Vector, Number]:
     """Return dU/dn of the rotations [N m], their couple [N m], and the moment about n that turns the axes of bending.
 
-    As in `rotational_load`, for any moments. The axes of bending turn about the chord when it leaves the material's; only
-    a bending moment that is not along the bending feels it.
+    As in `rotational_load`, for any moments. The axes of bending turn about the chord when it leaves the material's;
+    only a bending moment that is not along the bending feels it.
     """
     beta, slope = rotation_series(dot(rel.s, rel.s))
     theta = times(beta, rel.s)

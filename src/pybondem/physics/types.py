@@ -131,7 +131,8 @@ class ComponentRates(NamedTuple):
 
 
 class Loads(NamedTuple):
-    """What a bond law answers: forces n, s, t [N] and moments twist, bend_s, bend_t [N m], conjugate to `Components`."""
+    """What a bond law answers: forces n, s, t [N] and moments twist, bend_s, bend_t [N m], conjugate to
+    `Components`."""
 
     n: Number
     s: Number

@@ -21,9 +21,9 @@ share of slip in the energy spent. With past = G_c/peak - peak/2, what is spent 
 
 plateau_share is the share of the energy beyond the peak that the plateau spends (of all of G_c it could be too much for
 one direction and not for another): 0 is bilinear. Where G_c < peak^2/2, less than the bond holds at its strength, it
-breaks there at once. Memory is the damage itself, the largest that any state so far has asked for: it never heals when
-the share B changes, and does not grow while a bond is unloaded. Pressure neither adds to x nor is damaged. In a Bond,
-twist and bending soften with the rest but do not drive it.
+breaks there at once and spends that: take a stiffer bond. Memory is the damage itself, the largest that any state so
+far has asked for: it never heals when the share B changes, and does not grow while a bond is unloaded. Pressure neither
+adds to x nor is damaged. In a Bond, twist and bending soften with the rest but do not drive it.
 
 Camanho & Davila, Mixed-mode decohesion finite elements for the simulation of delamination in composite materials,
 NASA/TM-2002-211737 (2002); stiffnesses that differ: Turon, Gonzalez, Sarrado, Guillamet & Maimi, Compos. Struct. 184,
@@ -38,22 +38,25 @@ from pybondem.laws.library.bilinear import bilinear_damage
 from pybondem.laws.library.exponential import exponential_damage
 from pybondem.laws.library.trapezoidal import trapezoidal_damage
 from pybondem.laws.parameters import Parameter
-from pybondem.ops import Number, maximum, sqrt
+from pybondem.ops import Number, maximum, power, sqrt
 from pybondem.physics.types import Deformation
 
 TINY = 1e-300  # keeps 0/0 away
 BRITTLE = 1e-9  # the least that is spent beyond the peak, over what is spent before: keeps the shapes defined
 
 STRENGTHS = {
-    "tension": Parameter("Pa", "tensile strength", above=0.0, typical=5e6),
-    "shear": Parameter("Pa", "shear strength", above=0.0, typical=10e6),
+    "tension": Parameter("Pa", "tensile strength", above=0.0, typical=2e6),
+    "shear": Parameter("Pa", "shear strength", above=0.0, typical=3e6),
     "G_I": Parameter("J/m2", "fracture energy in opening", above=0.0, typical=100.0),
     "G_II": Parameter("J/m2", "fracture energy in slip", above=0.0, typical=300.0),
 }
 BK = {**STRENGTHS, "eta": Parameter("1", "exponent of Benzeggagh & Kenane", above=0.0, typical=2.0)}
 POWER = {**STRENGTHS, "alpha": Parameter("1", "exponent of the power law", above=0.0, typical=1.0)}
 PLATEAU = {"plateau_share": Parameter("1", "plateau in the energy beyond the peak", least=0.0, most=0.99, typical=0.5)}
-TOUGHNESS = {"opening": lambda p, k: p.G_I, "slip": lambda p, k: p.G_II}
+TOUGHNESS = {
+    "opening": lambda p, k: maximum(p.G_I, 0.5 * p.tension * p.tension / k),
+    "slip": lambda p, k: maximum(p.G_II, 0.5 * p.shear * p.shear / k),
+}
 MEMORY = {"largest": "1"}
 
 
@@ -74,12 +77,13 @@ def past(peak: Number, toughness: Number) -> Number:
 
 def bk_toughness(share: Number, p: Any) -> Number:
     """Return G_c [J/m2] of Benzeggagh & Kenane."""
-    return p.G_I + (p.G_II - p.G_I) * share**p.eta
+    return p.G_I + (p.G_II - p.G_I) * power(share, p.eta)
 
 
 def power_toughness(share: Number, p: Any) -> Number:
     """Return G_c [J/m2] of the power law."""
-    return (((1.0 - share) / p.G_I) ** p.alpha + (share / p.G_II) ** p.alpha) ** (-1.0 / p.alpha)
+    spent = power((1.0 - share) / p.G_I, p.alpha) + power(share / p.G_II, p.alpha)
+    return power(spent, -1.0 / p.alpha)
 
 
 def bilinear_mixed(x: Number, peak: Number, toughness: Number) -> Number:
