@@ -1,7 +1,5 @@
 """The cylinder job: a hexagonally packed cylinder, clamped at the bottom, pulled at the top; every bond answers in all
-six components and has dashpots. The same model on every engine and for every peer, at any size.
-
-A job with another bond law is this one with another `bond`.
+six components and has dashpots. The same model on every engine and for every peer, at any size, with any bond law.
 """
 
 from math import pi, sqrt
@@ -10,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 import pybondem as bd
+from pybondem.bonds import ValuedLaw
 
 DIAMETER = 1e-3  # of a particle [m]
 DENSITY = 2500.0  # [kg/m3]
@@ -18,6 +17,8 @@ RATIO = 2.0  # kn / ks; the parallel bond then has kb = kt = kn r^2 / 4
 ZETA = 0.1  # damping ratio of the dashpots
 SPEED = 0.1  # of the top [m/s]
 DT = 1e-7  # [s]
+IDLE = 1e-6  # share of the speed at which no law has anything to do
+ACTIVE = 0.03  # strain that brings typical laws to soften at once
 LAYER = sqrt(2.0 / 3.0) * DIAMETER
 ENDS = 1.5 * LAYER  # reaches two layers
 
@@ -46,18 +47,18 @@ def packing(particles: int) -> bd.packing.Particles:
     return bd.packing.hcp(DIAMETER, inside=bd.Cylinder(radius=0.5 * width, height=2.0 * width), axis="z")
 
 
-def bond() -> bd.Bond:
-    """Return the bond law of the job: elastic, unbreakable, with dashpots."""
-    return bd.Bond(bd.parallel(E=MODULUS, stiffness_ratio=RATIO), damping=ZETA)
+def bond(law: ValuedLaw | None = None) -> bd.Bond:
+    """Return the bond of the job, with dashpots: elastic and unbreakable, or with a law."""
+    return bd.Bond(bd.parallel(E=MODULUS, stiffness_ratio=RATIO), law, damping=ZETA)
 
 
-def model(grains: bd.packing.Particles) -> bd.Model:
+def model(grains: bd.packing.Particles, law: ValuedLaw | None = None, speed: float = SPEED) -> bd.Model:
     """Return the model: neighbours bonded, two layers fixed, two layers pulled, all six components prescribed."""
     rod = bd.Model(grains, density=DENSITY)
-    rod.bond(rod.touching(), bond())
+    rod.bond(rod.touching(), bond(law))
     top = float(rod.x[:, 2].max())
     rod.fix(rod.where(z=(None, ENDS)))
-    rod.drive(rod.where(z=(top - ENDS, None)), vx=0.0, vy=0.0, vz=SPEED, wx=0.0, wy=0.0, wz=0.0)
+    rod.drive(rod.where(z=(top - ENDS, None)), vx=0.0, vy=0.0, vz=speed, wx=0.0, wy=0.0, wz=0.0)
     return rod
 
 

@@ -5,6 +5,7 @@ from typing import Any
 
 import cylinder
 import memory
+import user_law
 from contender import SAMPLE, Floats, serve
 
 import pybondem as bd
@@ -13,19 +14,29 @@ WARM_UP = 100  # particles of the model that brings imports and compiled code in
 
 
 class Ours:
-    """The job on one engine. threads None: the engine's own choice."""
+    """The job on one engine.
 
-    def __init__(self, particles: int, engine: str, threads: int | None) -> None:
+    threads None: the engine's own choice; law: None for elastic bonds, or the name of a law; users: its twin in
+    `user_law`; active None: the job as it is; else pulled so slowly that no law has anything to do, and True: stretched
+    at first so far that laws soften.
+    """
+
+    def __init__(self, particles: int, engine: str, threads: int | None, law: str | None = None, users: bool = False,
+                 active: bool | None = None) -> None:  # fmt: skip
         self._engine, self._threads = engine, threads
-        self._simulation(cylinder.model(cylinder.packing(WARM_UP))).run(steps=2, quiet=True)
+        self._law = None if law is None else user_law.users(law) if users else user_law.built_in(law)
+        self._speed = cylinder.SPEED if active is None else cylinder.IDLE * cylinder.SPEED
+        self._simulation(self._model(cylinder.packing(WARM_UP))).run(steps=2, quiet=True)
         self._before = memory.resident()
         began = perf_counter()
         grains = cylinder.packing(particles)
         packed = perf_counter()
-        rod = cylinder.model(grains)
+        rod = self._model(grains)
         bonded = perf_counter()
         self._sim = self._simulation(rod)
         ready = perf_counter()
+        if active:
+            self._stretch()
         self.facts: dict[str, Any] = {
             "particles": len(rod),
             "bonds": self._sim.bond_count,
@@ -34,6 +45,13 @@ class Ours:
             "dt": self._sim.dt,
             "critical_dt": self._sim.limit.dt,
         }
+
+    def _model(self, grains: bd.packing.Particles) -> bd.Model:
+        return cylinder.model(grains, self._law, self._speed)
+
+    def _stretch(self) -> None:
+        with self._sim.edit("x") as x:
+            x[:, 2] *= 1.0 + cylinder.ACTIVE
 
     def _simulation(self, rod: bd.Model) -> bd.Simulation:
         return bd.Simulation(rod, engine=self._engine, threads=self._threads, dt=cylinder.DT)
@@ -48,10 +66,13 @@ class Ours:
         return v[:: max(1, len(v) // SAMPLE)]
 
     def finish(self) -> dict[str, Any]:
-        """Return the memory that the model takes, per particle [bytes]."""
+        """Return the memory that the model takes, per particle [bytes], and the share of bonds with damage."""
         n = self.facts["particles"]
         highest, now = memory.peak(), memory.resident()
         found: dict[str, Any] = {"array_bytes_per_particle": memory.array_bytes(self._sim) / n}
+        if self._law is not None:
+            damage = self._sim.bonds(self._sim.model.bonds[0]).damage
+            found["damaged"] = float((damage > 0.0).mean())
         for name, size in (("bytes_per_particle", now), ("peak_bytes_per_particle", highest)):
             found[name] = None if size is None or self._before is None else (size - self._before) / n
         return found

@@ -1,8 +1,9 @@
-"""Time PyBONDEM on a job, alone or in turns with a peer.
+"""Time PyBONDEM on a job, alone or in turns with a peer, or a bond law in turns with its like.
 
 python benchmarks/run.py --job cylinder --particles 10000 --engine cpu --threads 1 --json FILE
 python benchmarks/run.py --particles 1000,10000,100000 --threads 1,2
 python benchmarks/run.py --particles 10000 --peer lammps
+python benchmarks/run.py --particles 10000 --law bilinear,exponential
 
 Prints a table and, with --json, appends a record for each line of it to the list in FILE; README.md says what it holds.
 """
@@ -13,12 +14,15 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 from statistics import median
 from typing import Any
 
 import lammps_peer
 import numpy as np
+import user_law
 from contender import Contender, Sample
 from machine import circumstances
 
@@ -31,7 +35,9 @@ COLUMNS = (
     ("particle-steps/s", "particle_steps_per_s", ".3g"), ("B/particle", "bytes_per_particle", ",.0f"),
     ("build s", "build_s", ".2f"), ("compile s", "compile_s", ".1f"), ("warm start s", "warm_start_s", ".1f"),
     ("peer wall", "peer_wall", ".1f"), ("peer CPU", "peer_cpu", ".1f"), ("ratio", "ratio", ".2f"),
-    ("CPU ratio", "ratio_cpu", ".2f"),
+    ("CPU ratio", "ratio_cpu", ".2f"), ("law", "law_name", "s"), ("active", "active", "s"),
+    ("elastic CPU", "elastic_cpu", ".2f"), ("user's CPU", "users_cpu", ".2f"), ("law/elastic", "over_elastic", ".2f"),
+    ("user's/law", "users_over_built_in", ".2f"),
 )  # fmt: skip
 
 
@@ -43,6 +49,8 @@ def arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--engine", type=lambda text: text.split(","), default=["cpu"], help="engines, with commas")
     parser.add_argument("--threads", type=_numbers, default=[1], help="numbers of threads (MPI ranks of a peer)")
     parser.add_argument("--peer", choices=PEERS, help="also time this program, in turns with ours")
+    parser.add_argument("--law", type=_laws, metavar="NAME", help="laws, with commas, against elastic and a user's own")
+    parser.add_argument("--law-active", action="store_true", help="stretch the specimen at first: its bonds soften")
     parser.add_argument("--json", type=Path, metavar="FILE", help="append the records to the list in this file")
     parser.add_argument("--repeats", type=_number, default=5)
     parser.add_argument("--seconds", type=float, default=0.6, help="of each repeat")
@@ -58,6 +66,14 @@ def _number(text: str) -> int:
     return value
 
 
+def _laws(text: str) -> list[str]:
+    found = text.split(",")
+    unknown = [name for name in found if name not in user_law.names()]
+    if unknown:
+        raise argparse.ArgumentTypeError(f"there is no law {unknown[0]!r}; there are {', '.join(user_law.names())}")
+    return found
+
+
 def _numbers(text: str) -> list[int]:
     return [_number(part.replace("_", "")) for part in text.split(",")]
 
@@ -65,11 +81,11 @@ def _numbers(text: str) -> list[int]:
 # Measuring ------------------------------------------------------------------------------------------------------
 
 
-def start_up(engine: str) -> dict[str, float]:
+def start_up(engine: str, law: str | None = None) -> dict[str, float]:
     """Return the seconds to the first step with nothing compiled yet, with all in the cache, and their difference."""
     with tempfile.TemporaryDirectory() as cache:
         environment = {n: v for n, v in os.environ.items() if n != "NUMBA_CACHE_DIR"} | {"PYBONDEM_CACHE": cache}
-        script = [sys.executable, str(Path(__file__).with_name("start.py")), engine]
+        script = [sys.executable, str(Path(__file__).with_name("start.py")), engine, *([law] if law else [])]
         cold, warm = (float(subprocess.check_output(script, env=environment, text=True)) for _ in range(2))
     return {"compile_s": max(0.0, cold - warm), "cold_start_s": cold, "warm_start_s": warm}
 
@@ -95,11 +111,46 @@ def measure(particles: int, engine: str, threads: int | None, options: argparse.
             return record
 
 
+def measure_law(
+    name: str, particles: int, engine: str, threads: int | None, options: argparse.Namespace
+) -> dict[str, Any]:
+    """Return the record of a law, timed in turns with the elastic bond and with the same law by a user."""
+    mine = {"particles": particles, "engine": engine, "threads": threads, "active": options.law_active}
+    with (
+        Contender("ours.py", mine, []) as elastic,
+        Contender("ours.py", mine | {"law": name}, []) as ours,
+        Contender("ours.py", mine | {"law": name, "users": True}, []) as users,
+    ):
+        every = (ours, elastic, users)
+        steps, samples = _timed([*every], options)
+        record = _record(mine, ours, steps[0], samples[0])
+        figures = [_figures(c.facts["bonds"], n, s) for c, n, s in zip(every, steps, samples, strict=True)]
+    ratios = {
+        f"{word}{suffix}": _ratio(figures[a][key], figures[b][key])
+        for word, a, b in (("over_elastic", 0, 1), ("users_over_built_in", 2, 0))
+        for suffix, key in (("", "ns_per_bond_step"), ("_cpu", "ns_per_bond_step_cpu"))
+    }
+    return record | {
+        "law": {"name": name, "active": options.law_active, "damaged": record.pop("damaged"), "elastic": figures[1],
+                "users": figures[2], **ratios}
+    }  # fmt: skip
+
+
+def _ratio(above: dict[str, Any], below: dict[str, Any]) -> float:
+    """Return the median over the rounds of how much longer one takes: what disturbs a round disturbs both."""
+    return median(a / b for a, b in zip(above["all"], below["all"], strict=True))
+
+
 def _timed(contenders: list[Contender], options: argparse.Namespace) -> tuple[list[int], list[list[Sample]]]:
     """Return the steps of a repeat and the samples of each contender, taken in turns: A B A B."""
     steps = [c.steps_for(options.seconds) if options.steps is None else options.steps for c in contenders]
-    rounds = [[c.advance(n) for c, n in zip(contenders, steps, strict=True)] for _ in range(options.repeats)]
-    return steps, [list(samples) for samples in zip(*rounds, strict=True)]
+    return steps, _in_turns(contenders, steps, options.repeats)
+
+
+def _in_turns(contenders: Sequence[Contender], steps: list[int], repeats: int) -> list[list[Sample]]:
+    """Return the samples of each contender, taken in turns: A B C A B C."""
+    rounds = [[c.advance(n) for c, n in zip(contenders, steps, strict=True)] for _ in range(repeats)]
+    return [list(samples) for samples in zip(*rounds, strict=True)]
 
 
 def _difference(ours: Contender, peer: Contender) -> float:
@@ -153,6 +204,10 @@ def cells(record: dict[str, Any]) -> list[str]:
     if peer := record.get("peer"):
         shown |= {"ratio": peer["ratio"], "ratio_cpu": peer["ratio_cpu"]}
         shown |= {"peer_wall": peer["ns_per_bond_step"]["median"], "peer_cpu": peer["ns_per_bond_step_cpu"]["median"]}
+    if law := record.get("law"):
+        shown |= {"law_name": law["name"], "active": "yes" if law["active"] else "no"}
+        shown |= {f"{who}_cpu": law[who]["ns_per_bond_step_cpu"]["median"] for who in ("elastic", "users")}
+        shown |= {word: law[f"{word}_cpu"] for word in ("over_elastic", "users_over_built_in")}
     return ["-" if shown.get(key) is None else format(shown[key], style) for _, key, style in COLUMNS]
 
 
@@ -180,16 +235,21 @@ def main(words: list[str] | None = None) -> None:
     options = arguments(words)
     if options.peer == "lammps" and not lammps_peer.installed():
         sys.exit(lammps_peer.MISSING)
+    if options.law_active and not options.law:
+        sys.exit("--law-active is for --law NAME.")
+    if options.peer and options.law:
+        sys.exit("--peer and --law cannot be timed together: the peer has laws of its own.")
     records: list[dict[str, Any]] = []
-    for engine in options.engine:
-        start = {} if options.no_start else start_up(engine)
-        for particles in options.particles:
-            for threads in options.threads if engine in THREADED else [None]:
-                print(f"{engine}, {particles} particles, {threads or 'no'} threads ...", file=sys.stderr, flush=True)
-                found = measure(particles, engine, threads, options)
-                records.append({"job": options.job, **circumstances(), **found, **start})
-                if options.json:
-                    append(options.json, records[-1:])
+    for engine, law in product(options.engine, options.law or [None]):
+        start = {} if options.no_start else start_up(engine, law)
+        for particles, threads in product(options.particles, options.threads if engine in THREADED else [None]):
+            said = f"{engine}, {particles} particles, {threads or 'no'} threads{f', {law}' if law else ''}"
+            print(f"{said} ...", file=sys.stderr, flush=True)
+            case = (particles, engine, threads, options)
+            found = measure(*case) if law is None else measure_law(law, *case)
+            records.append({"job": options.job, **circumstances(), **found, **start})
+            if options.json:
+                append(options.json, records[-1:])
     print(table(records))
     for record in records:
         if "peer" in record:

@@ -33,7 +33,7 @@ from pybondem.physics.types import (
 )
 from pybondem.program import Block, Called, Program, Reads, Stage
 from pybondem.scatter import Scatter
-from pybondem.state import BOND_FIELDS, CHORD, ENERGY, LOAD, PARTICLE_FIELDS, allocate
+from pybondem.state import BOND_FIELDS, CHORD, ENERGY, LOAD, PARTICLE_FIELDS, Fields, allocate
 
 Ints = NDArray[np.integer[Any]]
 Floats = NDArray[np.float64]
@@ -82,10 +82,10 @@ class Assembly:
     order: Ints
     position: Ints
     tables: GroupTables
-    particles: dict[str, Any]
+    particles: Fields
     blocks: tuple[Block, ...]
-    bonds: dict[str, dict[str, Any]]
-    shared: dict[str, Any]
+    bonds: dict[str, Fields]
+    shared: Fields
 
     def element(self, block: int) -> Element:
         """Return the element of a block: bond or joint."""
@@ -111,10 +111,11 @@ def assemble(model: Model) -> Assembly:
     group, groups = model.boundaries.groups(len(model))
     counts = [len(bonds.pairs) for bonds in model.bonds]
     blocks = tuple(Block(f"b{b}", sum(counts[:b]), count) for b, count in enumerate(counts))
-    arrays = {b.name: _bond_arrays(bonds, model, position) for b, bonds in zip(blocks, model.bonds, strict=True)}
+    names = [block.name for block in blocks]
+    arrays = {b: Fields(_bond_arrays(bonds, model, position)) for b, bonds in zip(names, model.bonds, strict=True)}
     tables = GroupTables(groups)
-    particles = _particle_arrays(model, order, group)
-    shared = _shared_arrays(arrays, len(model), sum(counts), tables)
+    particles = Fields(_particle_arrays(model, order, group))
+    shared = Fields(_shared_arrays(arrays, len(model), sum(counts), tables))
     return Assembly(model, order, position, tables, particles, blocks, arrays, shared)
 
 
@@ -134,7 +135,7 @@ def _particle_arrays(model: Model, order: Ints, group: NDArray[np.uint32]) -> di
     return {**changing, **constant}
 
 
-def _shared_arrays(bonds: dict[str, dict[str, Any]], n: int, count: int, tables: GroupTables) -> dict[str, Any]:
+def _shared_arrays(bonds: dict[str, Fields], n: int, count: int, tables: GroupTables) -> dict[str, Any]:
     """Return the arrays that belong to no single block: loads, lists of own bonds, boundary groups and schedules."""
     nothing = np.empty(0, np.uint32)
     i, j = (np.concatenate([nothing, *(arrays[end] for arrays in bonds.values())]) for end in "ij")
@@ -234,11 +235,11 @@ def step_program(done: Assembly, gravity: tuple[float, float, float], drag: Drag
     stages = (start, *(bond_stage(done, b) for b in range(len(done.blocks))), Stage("gather"), finish)
     if not any(condition.kind == "push" for condition in done.model.boundaries.conditions):
         stages = tuple(_without_pushes(stage) for stage in stages)
-    laws = tuple(_called(bonds.bond.law) for bonds in done.model.bonds if bonds.bond.law is not None)
+    laws = tuple(called(bonds.bond.law) for bonds in done.model.bonds if bonds.bond.law is not None)
     return Program(stages, done.blocks, particles, done.bonds, done.shared, laws)
 
 
-def _called(law: ValuedLaw) -> Called:
+def called(law: ValuedLaw) -> Called:
     """Return what engines say of a law, and how they may call it."""
     seen, rate = (Deformation, Rate) if law.kind == "damage" else (Components, ComponentRates)
     types = (seen, Stiffness, law.memory, type(law.parameters), rate, float)
@@ -317,7 +318,7 @@ def linear_program(done: Assembly, dashpots: bool = False) -> Program:
 
     dashpots: of its dashpots instead: velocities v [m/s], spins w [rad/s] -> forces, torques.
     """
-    arrays = dict(done.bonds)
+    arrays: dict[str, dict[str, Any]] = dict(done.bonds)
     for block, bonds in zip(done.blocks, done.model.bonds, strict=True):
         own = done.bonds[block.name]
         if dashpots:

@@ -74,9 +74,10 @@ def failed_pairs(state: Assembly) -> Ints:
 def refuse_values(state: Assembly, steps: tuple[int, int]) -> None:
     """Raise LawError where a law has returned a value that is not finite; steps: first and last it may have been in."""
     for number, block in enumerate(state.blocks):
-        lost = state.bonds[block.name].get("lost")
-        if lost is None or np.isfinite(lost.sum()):
+        arrays = state.bonds[block.name]
+        if "lost" not in arrays or np.isfinite(arrays.total("lost")):
             continue
+        lost = arrays["lost"]
         k, count = int(np.argmin(np.isfinite(lost))), int(np.count_nonzero(~np.isfinite(lost)))
         when = f"at step {steps[1]}" if steps[0] >= steps[1] else f"between steps {steps[0]} and {steps[1]}"
         raise LawError(f"{_which(state, number, k)} gave a value that is not finite {when} ({count} bonds in all).")

@@ -8,7 +8,7 @@ In a script:
 The laws themselves are in `laws`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -33,9 +33,16 @@ class Elastic:
 
 
 class Declared(Protocol):
-    """What a law with values knows of its declaration; user: the function as its author wrote it."""
+    """What a law with values knows of its declaration.
+
+    user: the function as its author wrote it; parameters and memory: their declarations by name; toughness: fracture
+    energy per area in "opening" and "slip", as functions.
+    """
 
     user: Callable[..., Any]
+    parameters: Mapping[str, Any]
+    memory: Mapping[str, str]
+    toughness: Mapping[str, Callable[..., Any]]
 
     def check_values(self, values: Any) -> None:
         """Raise InputError where values (a named tuple of numbers or arrays) may not be taken."""
@@ -43,7 +50,7 @@ class Declared(Protocol):
     def check(self, *values: Any, quiet: bool = False, **named: Any) -> Any:
         """Try the law with these values on every engine; print and return what was found."""
 
-    def plot(self, *values: Any, path: str | None = None, **named: Any) -> Any:
+    def plot(self, *values: Any, **named: Any) -> Any:
         """Draw what the law with these values answers to driven paths."""
 
 
@@ -72,11 +79,12 @@ class ValuedLaw:
 
     def check(self, quiet: bool = False) -> Any:
         """Try the law with these values on every engine; print and return what was found."""
-        return self.declared.check(quiet=quiet, **self.parameters._asdict())
+        return self.declared.check(quiet=quiet, stiffness=self.stiffness, **self.parameters._asdict())
 
-    def plot(self, path: str | None = None) -> Any:
-        """Draw what the law with these values answers to driven paths; path: of a figure file to write."""
-        return self.declared.plot(path=path, **self.parameters._asdict())
+    def plot(self, path: Any = None, reach: float | None = None, driven: ArrayLike | None = None) -> Any:
+        """Draw what the law with these values answers to driven paths; path, reach, driven: see `Law.plot`."""
+        values = {"stiffness": self.stiffness, **self.parameters._asdict()}
+        return self.declared.plot(path=path, reach=reach, driven=driven, **values)
 
 
 @dataclass(frozen=True)

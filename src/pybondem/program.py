@@ -13,7 +13,7 @@ The time step on one screen:
     finish    pushes, gravity, damping, half kick                          every particle
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -65,7 +65,7 @@ class Program(NamedTuple):
     stages: tuple[Stage, ...]
     blocks: tuple[Block, ...]
     particles: dict[str, Any]
-    bonds: dict[str, dict[str, Any]]
+    bonds: Mapping[str, dict[str, Any]]
     shared: dict[str, Any]
     laws: tuple[Called, ...] = ()
 

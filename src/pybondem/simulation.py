@@ -18,7 +18,7 @@ from pybondem.bond_view import bond_fields, failed_pairs, interface, number_of, 
 from pybondem.check import choice, finite_array, fraction, nonnegative, positive, vector, whole_number
 from pybondem.damping import Kinetic
 from pybondem.energies import Energies, energies, leapfrog_kinetic
-from pybondem.engines.base import Runner
+from pybondem.engines.base import Engine, Runner
 from pybondem.engines.choose import make_engine
 from pybondem.errors import InputError, UnstableError
 from pybondem.measure import Measure, Record
@@ -55,14 +55,14 @@ class Interrupted(KeyboardInterrupt):
 class Simulation:
     """A model made ready to run.
 
-    engine: "cpu" (the default), "reference" or "interpreted"; dt: time step [s], by default `safety` times the critical
-    step of the model's own stiffness; damping: `local`, `viscous` or `kinetic` (see `damping`), None for none; gravity
-    (3,) [m/s2]; threads: of the cpu engine, by default the physical cores. Raises InputError for bad values and
-    UnstableError for a step above the critical one.
+    engine: "cpu" (the default), "reference", "interpreted", or an engine of your own making; dt: time step [s], by
+    default `safety` times the critical step of the model's own stiffness; damping: `local`, `viscous` or `kinetic` (see
+    `damping`), None for none; gravity (3,) [m/s2]; threads: of the cpu engine, by default the physical cores. Raises
+    InputError for bad values and UnstableError for a step above the critical one.
     """
 
-    def __init__(self, model: Model, *, engine: str | None = None, dt: float | None = None, safety: float = 0.3,
-                 damping: Drag | Kinetic | None = None, gravity: ArrayLike = (0.0, 0.0, 0.0),
+    def __init__(self, model: Model, *, engine: str | Engine | None = None, dt: float | None = None,
+                 safety: float = 0.3, damping: Drag | Kinetic | None = None, gravity: ArrayLike = (0.0, 0.0, 0.0),
                  threads: int | None = None) -> None:  # fmt: skip
         if not isinstance(model, Model):
             raise InputError(f"Simulation needs a Model, got {type(model).__name__}.")
@@ -72,7 +72,11 @@ class Simulation:
         self._changes = model.changes
         gx, gy, gz = vector("gravity", gravity).tolist()
         self.gravity: tuple[float, float, float] = (gx, gy, gz)
-        self.engine = make_engine(engine or session.engine, session.threads if threads is None else threads)
+        if engine is None or isinstance(engine, str):
+            engine = make_engine(engine or session.engine, session.threads if threads is None else threads)
+        if not hasattr(engine, "prepare"):
+            raise InputError(f"engine is {engine!r}; give the name of one, such as 'cpu', or an engine.")
+        self.engine: Engine = engine
         self.state: Assembly = assemble(model)
         self.limit: Limit = stability_limit(self.state, self.engine)
         self.dt = self._time_step(dt, safety)
@@ -207,7 +211,7 @@ class Simulation:
         self.stepping += clocks.perf_counter() - began
         self.step += n
         refuse_values(self.state, (self.step - n + 1, self.step))
-        if not np.isfinite(self.state.particles["x"].sum()):
+        if not np.isfinite(self.state.particles.total("x")):
             bad = ~np.isfinite(self.state.particles["x"]).all(axis=0)
             raise UnstableError(
                 f"the motion is not finite any more at step {self.step} (t = {self.time:.4g} s), at {bad.sum()} "
@@ -223,6 +227,8 @@ class Simulation:
             p, tables = self.state.particles, self.state.tables
             p["v"] *= tables.hold[:, p["group"]]
             p["w"] *= tables.turn_hold[:, p["group"]]
+            p.changed("v")
+            p.changed("w")
             self._load()
             self._kinetic_taken += now - leapfrog_kinetic(self)
             now = 0.0
@@ -288,6 +294,7 @@ class Simulation:
                 raise InputError("q was set to quaternions that are not of unit length.")
         for name, values in fields.items():
             self.state.particles[name][:] = values[self.state.order].T
+            self.state.particles.changed(name)
         self._evaluate()
 
     def bonds(self, bonds: BondSet) -> SimpleNamespace:

@@ -4,7 +4,7 @@ Arrays are component-first, (components, n), or (n,) for one component; double p
 the same for all items and does not change may stand as one number.
 """
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,6 +85,51 @@ SCHEDULED_FIELDS = (
     Field("push", 3, np.float64, "N", "force put on the particle"),
     Field("push_torque", 3, np.float64, "N m", "torque put on the particle"),
 )
+
+
+class Holder(Protocol):
+    """Who holds newer versions of host arrays: an engine with memory of its own."""
+
+    def fetch(self, array: NDArray[Any]) -> None:
+        """Bring a host array up to date."""
+
+    def changed(self, array: NDArray[Any]) -> None:
+        """Take note that the host has written into an array."""
+
+    def total(self, array: NDArray[Any]) -> float:
+        """Return the sum of all items of an array as they are now, which need not come to the host for it."""
+
+
+class Fields(dict[str, Any]):
+    """Arrays and numbers by name. Where an engine holds newer versions, an array is fetched when it is looked at."""
+
+    source: Holder | None = None
+
+    def __getitem__(self, name: str) -> Any:
+        return self._fresh(super().__getitem__(name))
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """Return a field, or the default where there is none."""
+        return self._fresh(super().get(name, default))
+
+    def items(self) -> Any:
+        """Return names and fields."""
+        return [(name, self[name]) for name in self]
+
+    def changed(self, name: str) -> None:
+        """Say that a field was written into."""
+        if self.source is not None:
+            self.source.changed(super().__getitem__(name))
+
+    def total(self, name: str) -> float:
+        """Return the sum of all items of a field."""
+        array = super().__getitem__(name)
+        return float(array.sum()) if self.source is None else self.source.total(array)
+
+    def _fresh(self, value: Any) -> Any:
+        if self.source is not None and isinstance(value, np.ndarray):
+            self.source.fetch(value)
+        return value
 
 
 def allocate(fields: tuple[Field, ...], names: set[str], n: int) -> Arrays:

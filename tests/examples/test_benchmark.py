@@ -97,6 +97,78 @@ def test_the_memory_holds_the_arrays(records: list[dict]) -> None:
             assert 0.0 < record["bytes_per_particle"] <= record["peak_bytes_per_particle"]
 
 
+@pytest.fixture(scope="module")
+def laws(tmp_path_factory: pytest.TempPathFactory) -> list[dict]:
+    """The records of laws: two that do nothing, and one that softens."""
+    path = tmp_path_factory.mktemp("benchmark") / "laws.json"
+    few = ("--particles", "200", "--no-start", "--steps", "3", "--repeats", "2", "--engine", "reference")
+    idle = benchmark("--law", "bilinear,plastic_slip", *few, "--json", str(path))
+    assert idle.returncode == 0, idle.stderr
+    assert len(idle.stdout.splitlines()) == 3, idle.stdout
+    active = benchmark("--law", "bilinear", "--law-active", *few, "--json", str(path))
+    assert active.returncode == 0, active.stderr
+    found: list[dict] = json.loads(path.read_text())
+    return found
+
+
+def test_a_law_is_timed_beside_the_elastic_bond_and_a_users_own(laws: list[dict]) -> None:
+    assert [(r["law"]["name"], r["law"]["active"]) for r in laws] == [
+        ("bilinear", False), ("plastic_slip", False), ("bilinear", True),
+    ]  # fmt: skip
+    for record in laws:
+        assert record.keys() == KEYS | {"law"}
+        law = record["law"]
+        for suffix in ("", "_cpu"):
+            mine, elastic, users = (
+                of[f"ns_per_bond_step{suffix}"]["all"] for of in (record, law["elastic"], law["users"])
+            )
+            pairs = {"over_elastic": (mine, elastic), "users_over_built_in": (users, mine)}
+            for word, (above, below) in pairs.items():
+                assert law[word + suffix] == pytest.approx(np.median(np.divide(above, below)))
+        assert law["over_elastic_cpu"] > 1.0
+
+
+def test_only_an_active_law_has_something_to_do(laws: list[dict]) -> None:
+    assert [r["law"]["damaged"] > 0.1 for r in laws] == [False, False, True]
+    assert [r["law"]["damaged"] for r in laws[:2]] == [0.0, 0.0]
+
+
+def test_the_users_laws_answer_as_the_built_in_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    import user_law  # type: ignore[import-not-found]
+
+    from pybondem.laws import paths
+    from pybondem.laws.trial import Trial
+
+    path = paths.mixed(0.8, 4e-5, steps=20)
+    for name in user_law.names():
+        ours, theirs = (Trial(make(name)).follow(path) for make in (user_law.built_in, user_law.users))
+        assert np.ptp(ours.load) > 0.0
+        np.testing.assert_allclose(theirs.load, ours.load, rtol=1e-12, atol=1e-9)
+    assert user_law.users("bilinear").function is not user_law.built_in("bilinear").function
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--law", "bilinaer"], "there is no law 'bilinaer'; there are strength, "),
+        (["--law-active"], "--law-active is for --law NAME."),
+        (["--law", "strength", "--peer", "lammps"], "--peer and --law cannot be timed together"),
+    ],
+)
+def test_laws_that_cannot_be_timed_are_refused(
+    run: types.ModuleType,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    words: list[str],
+    says: str,
+) -> None:
+    monkeypatch.setattr(run.lammps_peer, "installed", lambda: True)
+    with pytest.raises(SystemExit) as end:
+        run.main(words)
+    assert says in f"{end.value}{capsys.readouterr().err}"
+
+
 def test_the_job_is_as_described(cylinder: types.ModuleType) -> None:
     import pybondem as bd
 

@@ -5,10 +5,9 @@ from numpy.typing import NDArray
 
 from pybondem.check import Floats
 from pybondem.laws.findings import Finding, failed, in_words, passed
-from pybondem.laws.poses import Rigid, random_axes, rotation
+from pybondem.laws.poses import Rigid, cross, random_axes, rotation
 from pybondem.laws.subject import Subject
 from pybondem.laws.trial import ELEMENTS, TILT, History
-from pybondem.ops import cross
 
 Ints = NDArray[np.int64]
 
@@ -27,9 +26,10 @@ def rest(s: Subject) -> Finding:
         worst = max(worst, float(np.nanmax(size, initial=0.0)))
         if not worst <= tolerance:
             where = f"{element}: no deformation"
-            sentence = "An undeformed bond carries a load, as a share of its elastic load at the end of its reach."
+            sentence = "An undeformed bond carries a load, here as a share of the most it would carry elastically."
             return failed(name, sentence, where, worst, tolerance)
-    return passed(name, "An undeformed bond carries no load, wherever it is carried and turned.", worst, tolerance)
+    sentence = f"An undeformed bond carries no load, wherever it is carried and turned{s.calmed}."
+    return passed(name, sentence, worst, tolerance)
 
 
 def rigid_motion(s: Subject) -> Finding:
@@ -41,14 +41,14 @@ def rigid_motion(s: Subject) -> Finding:
         step = s.time_step(path)
         still = s.trial(element, 12).follow(path, step)
         turning = s.trial(element, 12).follow(path, step, _turning(len(path), s.length, step))
-        differs = _difference(still, turning, s.length)
+        differs = difference(still, turning, s.length)
         worst = max(worst, float(differs.max()))
         if not worst <= tolerance:
             k, pair = first_place(differs > tolerance)
             angle = 360.0 * TURN / (2.0 * np.pi) * k / (len(path) - 1)
             sentence = (
-                f"The load changes when the bond is turned as a whole: after {angle:.0f} degrees about a skew axis it is "
-                "not the load of the same bond that was not turned. History must be kept in axes that turn with the bond."
+                f"The load changes when the bond is turned as a whole: after {angle:.0f} degrees about a skew axis it "
+                "is not that of the bond left unturned. History must be kept in axes that turn with the bond."
             )
             return failed(name, sentence, in_words(path[k, :, pair], element), float(differs[k, pair]), tolerance)
     return passed(name, "The load turns with the bond through two full turns, without drift.", worst, tolerance)
@@ -61,7 +61,7 @@ def swap(s: Subject) -> Finding:
         path = s.wander(element, 24, seed=9)
         one = s.trial(element, 24).follow(path, s.time_step(path))
         other = s.trial(element, 24, exchanged=True).follow(path, s.time_step(path))
-        differs = _difference(one, other, s.length)
+        differs = difference(one, other, s.length)
         worst = max(worst, float(differs.max()))
         if not worst <= tolerance:
             k, pair = first_place(differs > tolerance)
@@ -79,13 +79,13 @@ def frame(s: Subject) -> Finding:
         path = np.repeat(s.wander(element, sizes, seed=11), each, axis=2)
         history = s.trial(element, sizes * each, axes=axes, tilt=tilt).follow(path, s.time_step(path))
         first = np.repeat(np.arange(sizes) * each, each)  # each is held against the first of its size
-        differs = _difference(_columns(history, first), history, s.length)
+        differs = difference(_columns(history, first), history, s.length)
         worst = max(worst, float(differs.max()))
         if not worst <= tolerance:
             k, pair = first_place(differs > tolerance)
             around = differs.reshape(len(path), sizes, 3, each // 3)[:, :, 0].max() > tolerance
             sentence = (
-                "The answer depends on the direction of the slip or bending across the bond: the law is not isotropic; let "
+                "The answer depends on the direction of slip or bending across the bond: the law is not isotropic. Let "
                 "it depend on s*s + t*t, and its loads point along the slip."
                 if around
                 else "The answer depends on where the pair points in space, or is another one in a mirror image."
@@ -99,11 +99,11 @@ def momentum(s: Subject) -> Finding:
     name, tolerance, worst = "momentum", ROUND_OFF, 0.0
     for element in ELEMENTS:
         path, trial = s.wander(element, 24, seed=13), s.trial(element, 24)
-        for local in path:
+        for local in path[1:]:
             at = trial.pose(local)
             a = trial.evaluate(at, None, s.time_step(path))
             size = np.abs(a.force_i).max() + np.abs(a.torque_i).max() / s.length
-            lever = np.stack(cross(at.x_j - at.x_i, a.force_j))
+            lever = cross(at.x_j - at.x_i, a.force_j)
             moment = np.abs(a.torque_i + a.torque_j + lever).max(axis=0) / s.length
             force = np.abs(a.force_i + a.force_j).max(axis=0)
             for rest_of, what in (
@@ -123,7 +123,7 @@ def momentum(s: Subject) -> Finding:
 
 def _load_scale(s: Subject, element: str) -> Floats:
     """Return the elastic loads (6,) at the end of the law's reach; the greatest where a mode has none."""
-    load = s.reach[element].load
+    load = s.reach[element].stiffness * s.reach[element].end
     most = float(load[:3].max()) or 1.0
     return np.where(load > 0.0, load, most * np.repeat([1.0, s.length], 3))
 
@@ -146,7 +146,7 @@ def _all_axes(each: int) -> Floats:
     return np.concatenate([around, axes[:, :, 1 : third + 1], mirrored], axis=2)
 
 
-def _difference(a: History, b: History, length: float) -> Floats:
+def difference(a: History, b: History, length: float) -> Floats:
     """Return by how much two histories differ (points, count), relative to the greatest load of its kind, or in damage.
 
     Where neither is finite they do not differ: that is for another finding.

@@ -15,7 +15,10 @@ value for each mode, or the `Loads` of a bond law - and then each word of its me
 
 from collections import namedtuple
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
+
+from numpy.typing import ArrayLike
 
 from pybondem.bonds import ValuedLaw
 from pybondem.check import positive
@@ -40,9 +43,9 @@ class Law:
     def __init__(self, user: Function, kind: str, parameters: Mapping[str, str | Parameter], memory: Mapping[str, str],
                  needs: Needs, toughness: Mapping[str, Function], potential: Function | None) -> None:  # fmt: skip
         self.name: str = getattr(user, "__name__", repr(user))
-        self.user, self.kind, self.needs, self.toughness = user, kind, needs, toughness
-        self.parameters = declared(self.name, parameters)
-        self.memory = dict(memory)
+        self.user, self.kind, self.needs, self.toughness, self.potential = user, kind, needs, toughness, potential
+        self.parameters: Mapping[str, Any] = declared(self.name, parameters)
+        self.memory: Mapping[str, str] = dict(memory)
         self.__doc__ = user.__doc__
         self._values: Any = namedtuple("Parameters", self.parameters)  # type: ignore[misc]
         self._words: Any = namedtuple("Memory", self.memory)  # type: ignore[misc]
@@ -77,13 +80,21 @@ class Law:
         check_values(self.name, self.parameters, self.needs, values)
 
     def check(self, *values: Any, quiet: bool = False, **named: Any) -> Report:
-        """Try the law with these values (by default its typical ones) on every engine; print and return what was
-        found."""
+        """Try the law on every engine; print, unless quiet, and return what was found.
+
+        values, named: as in a call, by default the typical ones.
+        """
         return check_law(self._tried(values, named), quiet=quiet)
 
-    def plot(self, *values: Any, path: str | None = None, **named: Any) -> Any:
-        """Draw force and damage against opening and slip; see `laws.plot.plot_law`. path: of a figure file to write."""
-        return plot_law(self._tried(values, named), path=path)
+    def plot(self, *values: Any, path: str | Path | None = None, reach: float | None = None,
+             driven: ArrayLike | None = None, **named: Any) -> Any:  # fmt: skip
+        """Draw stress, damage and dissipated energy against opening, slip and both; return the figure.
+
+        values, named: as in a call, by default the typical ones; path: of a figure file to write; reach: how far to go
+        [m], by default to the end of the law; driven (points, 6): a path of one's own instead, the six components
+        of `Components` [m, rad].
+        """
+        return plot_law(self._tried(values, named), path=path, reach=reach, driven=driven)
 
     def _tried(self, values: tuple[Any, ...], named: dict[str, Any]) -> ValuedLaw:
         """Return the law with the values given, and typical ones for the rest."""
@@ -114,9 +125,10 @@ def bond_law(function: Function | None = None, *, parameters: Mapping[str, str |
              potential: Function | None = None) -> Any:  # fmt: skip
     """Declare a bond law: a decorator of function(d, k, m, p, rate, dt) -> Loads, memory words.
 
-    potential: the energy [J] that the bond holds, as a function of the same arguments (d, k, m, p, those it names), m
-    being the memory that was returned; without it the energy that its loads hold in the elastic form, sum Q^2 / 2k. A
-    memory word named "damage" is reported as the damage of the bond. The rest as in `damage_law`.
+    potential: the energy [J] that the bond holds, a function of what it names of d, k, m, p, with m as it was returned.
+    Without it, what its loads hold in the elastic form counts as stored, sum Q^2 / 2k: right for plastic bonds, wrong
+    for a law that damages its own stiffness. A memory word named "damage" is reported as the damage of the bond. Make
+    changed Loads with Loads(...), not with _replace, which does not compile. The rest as in `damage_law`.
     """
 
     def declare(user: Function) -> Law:

@@ -5,6 +5,7 @@ A path is an array (steps + 1, 6) of the components n, s, t [m], twist, bend_s, 
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,7 +25,7 @@ def through(points: Sequence[ArrayLike], steps: int) -> Floats:
     """Return the path along straight lines through points, each (6,) or (6, count), `steps` to every line."""
     corners = np.stack(np.broadcast_arrays(*(np.asarray(p, float) for p in points)))
     share = np.arange(1, steps + 1).reshape(-1, *(1,) * (corners.ndim - 1)) / steps
-    lines = [a + share * (b - a) for a, b in zip(corners[:-1], corners[1:], strict=True)]
+    lines = [a + share * (b - a) for a, b in pairwise(corners)]
     return np.concatenate([corners[:1], *lines])
 
 
@@ -79,3 +80,8 @@ def closed(scale: ArrayLike, legs: int = 4, steps: int = 50, seed: int = 0) -> F
     """Return a random path that comes back to where it began, undeformed."""
     out = wandering(scale, legs, steps, seed)
     return np.concatenate([out, through([out[-1], np.zeros_like(out[-1])], steps)[1:]])
+
+
+def finer(path: Floats, parts: int) -> Floats:
+    """Return a path with every step divided into equal parts."""
+    return through(list(path), parts)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pybondem.check import Floats
-from pybondem.ops import cross, dot, quaternion_product, rotate
+from pybondem.ops import Vector, quaternion_product, rotate
 
 
 class Poses(NamedTuple):
@@ -30,7 +30,7 @@ class Motions(NamedTuple):
 
 
 class Rigid(NamedTuple):
-    """A rigid motion: rotation, a unit quaternion (4,), then translation (3,) [m]; spin (3,) [rad/s] about the origin."""
+    """A rigid motion: rotation, unit quaternion (4,), then translation (3,) [m]; spin (3,) [rad/s] about the origin."""
 
     rotation: Floats
     translation: Floats
@@ -41,8 +41,8 @@ class Geometry(NamedTuple):
     """Pairs before they are deformed.
 
     axes (3, 3, count): the unit vectors n, s, t of each pair, axes[a] its a-th; handed (count,): 1 where they are
-    right-handed, -1 where they are a mirror image; chord (3, count): from i to j [m]; interface: whether n is the normal of
-    an interface (a joint) and slip a translation, not the direction of the chord.
+    right-handed, -1 where they are a mirror image; chord (3, count): from i to j [m]; interface: whether n is the
+    normal of an interface (a joint) and slip a translation, not the direction of the chord.
     """
 
     axes: Floats
@@ -103,11 +103,22 @@ def motions(before: Poses, now: Poses, dt: float, rigid: Rigid | None) -> Motion
     if rigid is None:
         return Motions(v_i, w_i, v_j, w_j)
     q, spin = rigid.rotation[:, None], rigid.spin[:, None]
-    v_i, v_j = (turned(q, v) + np.stack(cross(spin, turned(q, x))) for v, x in ((v_i, now.x_i), (v_j, now.x_j)))
+    v_i, v_j = (turned(q, v) + cross(spin, turned(q, x)) for v, x in ((v_i, now.x_i), (v_j, now.x_j)))
     return Motions(v_i, turned(q, w_i) + spin, v_j, turned(q, w_j) + spin)
 
 
 # Vectors and quaternions -----------------------------------------------------------------------------------------
+
+
+def dot(a: Floats, b: Floats) -> Floats:
+    """Return the scalar products a . b (count,)."""
+    total: Floats = (a * b).sum(axis=0)
+    return total
+
+
+def cross(a: Floats, b: Floats) -> Floats:
+    """Return the vector products a x b (3, count)."""
+    return np.cross(a, b, axis=0)
 
 
 def size(a: Floats) -> Floats:
@@ -122,12 +133,12 @@ def unit(a: Floats) -> Floats:
 
 def turned(q: Floats, a: Floats) -> Floats:
     """Return vectors (3, count) turned by unit quaternions (4, count)."""
-    return np.stack(np.broadcast_arrays(*rotate(q[0], (q[1], q[2], q[3]), 2.0, a)))
+    return np.stack(np.broadcast_arrays(*rotate(q[0], _vector(q[1:]), 2.0, _vector(a))))
 
 
 def product(p: Floats, q: Floats) -> Floats:
     """Return the quaternions p q."""
-    return np.stack(np.broadcast_arrays(*quaternion_product(p, q)))
+    return np.stack(np.broadcast_arrays(*quaternion_product((p[0], *_vector(p[1:])), (q[0], *_vector(q[1:])))))
 
 
 def rotation(vector: Floats) -> Floats:
@@ -147,5 +158,9 @@ def rotation_vector(a: Floats, b: Floats) -> Floats:
 
 def from_to(a: Floats, b: Floats) -> Floats:
     """Return the smallest rotations that turn unit vectors a into unit vectors b, not opposite to them."""
-    q = np.stack([1.0 + dot(a, b), *cross(a, b)])
+    q = np.concatenate([1.0 + dot(a, b)[None, :], cross(a, b)])
     return q / np.sqrt((q * q).sum(axis=0))
+
+
+def _vector(a: Floats) -> Vector:
+    return a[0], a[1], a[2]

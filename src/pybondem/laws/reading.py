@@ -91,6 +91,7 @@ def read_function(name: str, user: Function, kind: str, values: Any, words: Any,
         _called(of, potential, arguments, given)
         energy = _with_all(potential, (*arguments, "rate", "dt"))
     branches = _branches(user, named, given)
+    function.__name__ = name
     vars(function)["branches"] = branches  # the reference engine asks
     return Reading(function, modes, bool(FLOWS & set(named)), branches, energy)
 
@@ -224,5 +225,3 @@ def _line(user: Function, error: Exception) -> str:
 
 def _short(path: str) -> str:
     return path.replace("\\", "/").rsplit("/", 1)[-1]
-
-

@@ -10,22 +10,23 @@ from pybondem.check import Floats
 from pybondem.errors import InputError
 from pybondem.laws import paths
 from pybondem.laws.poses import motions
-from pybondem.laws.trial import ELEMENTS, LENGTH, Answer, History, Trial, single
+from pybondem.laws.trial import ELEMENTS, LENGTH, NORMAL, SHEAR, Answer, History, Trial, single
 from pybondem.laws.units import NONE, Dimension, dimension
 
 COMPONENTS_OF = ((0,), (1, 2), (3,), (4, 5))  # of opening, slip, twist, bending
 FIRST = (0, 1, 3, 4)  # the component that stands for each
 SIZES = np.geomspace(1e-7, 0.3, 131)  # of opening and slip over length, and of angles [rad]
-SMALL, LARGE = 0.01, 0.05  # where a law that never changes is looked at; where pairs are too short to show one that does
+LENGTHS = (LENGTH, 1.0, 100.0)  # of pairs, to begin with [m]
+SMALL, LARGE = 0.01, 0.05  # of the length: where a law should do what it does, and may do it
 TIME, TEMPERATURE = Dimension(time=1.0), Dimension(temperature=1.0)
 
 
 class Reach(NamedTuple):
-    """Deformation (6,) at which a law begins to soften or yield, at which little is left, and elastic load (6,) there."""
+    """Deformation (6,) where a law begins to soften or yield, and where little is left; stiffness (6,) when new."""
 
     onset: Floats
     end: Floats
-    load: Floats
+    stiffness: Floats
 
 
 @dataclass(frozen=True)
@@ -43,13 +44,20 @@ class Subject:
     reach: dict[str, Reach]
     histories: dict[str, dict[str, History]] = field(default_factory=dict)
 
+    @property
+    def calmed(self) -> str:
+        """Which temperatures were set to 0, in words to go on with."""
+        pairs = zip(self.law.parameters._fields, self.law.parameters, self.calm.parameters, strict=True)
+        said = [f"{name} = 0" for name, value, calm in pairs if value != calm]
+        return f" (with {' and '.join(said)})" if said else ""
+
     def trial(self, element: str, count: int, calm: bool = False, **options: Any) -> Trial:
         """Return a trial of this law in pairs of its length."""
         return Trial(self.calm if calm else self.law, element, count=count, length=self.length, **options)
 
     def sizes(self, element: str, count: int, seed: int = 0) -> Floats:
         """Return sizes of deformation (6, count), spread from where the law begins to where little of it is left."""
-        onset, end, _ = self.reach[element]
+        onset, end = self.reach[element][:2]
         share = np.random.default_rng(seed).uniform(0.0, 1.0, (6, count))
         spread: Floats = 0.5 * onset[:, None] * (2.4 * end / onset)[:, None] ** share
         return spread
@@ -62,34 +70,86 @@ class Subject:
         """Return the time from point to point of a path [s]."""
         return self.duration / max(len(path) - 1, 1)
 
+    def followed(self, element: str, path: Floats) -> History:
+        """Return the answers along a path (points, 6, count), without change of temperature.
+
+        Where the law reads rates every point is a point of rest too: across a sudden turn the trapezoid rule would book
+        work of a velocity that is over.
+        """
+        if self.law.flows:
+            path = np.repeat(path, 2, axis=0)
+        return self.trial(element, path.shape[2], calm=True).follow(path, self.time_step(path))
+
     def driven(self, element: str) -> dict[str, History]:
         """Return the answers to paths that load, unload, close, open again, wander and go far, by name of the path."""
         if element not in self.histories:
             found = {}
             for name, path in _drives(self, element).items():
-                trial = self.trial(element, path.shape[2], calm=True)
-                found[name] = trial.follow(path, self.time_step(path))
+                found[name] = self.followed(element, path)
             self.histories[element] = found
         return self.histories[element]
 
 
 def subject(law: ValuedLaw) -> Subject:
-    """Return a law made ready for trial: with single values, its reach measured."""
+    """Return a law made ready for trial: with single values, its reach measured.
+
+    Where the law brings no stiffness, the bonds are made so stiff that they reach the onset of softening with less
+    energy than the law declares for the whole failure; no softer bond could keep that promise.
+    """
     one = single(law)
-    calm, duration = _calm(one), _duration(one)
-    length = LENGTH
-    reach = {element: _reach(calm, element, length, duration) for element in ELEMENTS}
-    far = max(float(r.end[:3].max()) for r in reach.values())
+    duration = _duration(one)
+    for stiffer in (1.0, 10.0, 100.0, 1e3, 1e4) if one.stiffness is None else (1.0,):
+        shear = one.stiffness if one.stiffness is not None else stiffer * SHEAR * NORMAL
+        stiff = replace(one, stiffness=shear)
+        calm = _calm(stiff)
+        length, reach = _fitting(calm, duration)
+        if _can_soften(calm, shear, reach):
+            break
+    return Subject(stiff, calm, length, duration, reach)
+
+
+def _fitting(law: ValuedLaw, duration: float) -> tuple[float, dict[str, Reach]]:
+    """Return a length of pairs [m] of which about 1 % matters to a law, and the reach of the law in such pairs."""
+    for length in LENGTHS:
+        found = {element: _reach(law, element, length, duration) for element in ELEMENTS}
+        far = max((float(e) for r in found.values() for e in r.end[:2] if np.isfinite(e)), default=np.inf)
+        if far < SIZES[-1] * length:  # else it goes on, or nothing happens: longer pairs can be driven further
+            break
+    else:
+        length, far = LENGTH, SMALL * LENGTH
     if not 0.01 * LARGE < far / length <= LARGE:
         length = far / SMALL
-        reach = {element: _reach(calm, element, length, duration) for element in ELEMENTS}
-    return Subject(one, calm, length, duration, reach)
+    found = {element: _reach(law, element, length, duration) for element in ELEMENTS}
+    return length, {element: _filled(r, far) for element, r in found.items()}
+
+
+def _filled(r: Reach, far: float) -> Reach:
+    """Return a reach with sizes also where a law does nothing; far: that of opening and slip [m]."""
+    plain = np.repeat([far, SMALL], 3)
+    onset, end = (np.where(np.isfinite(a), a, plain) for a in (r.onset, r.end))
+    return Reach(onset, end, r.stiffness)
+
+
+def _can_soften(law: ValuedLaw, shear: float, reach: dict[str, Reach]) -> bool:
+    """Return whether the elastic energy at onset is within the declared fracture energies, in every element."""
+    declared: Any = law.declared
+    for mode, k, component in (("opening", shear / SHEAR, 0), ("slip", shear, 1)):
+        if mode in declared.toughness:
+            energy = declared.toughness[mode](law.parameters, k)
+            if any(0.5 * k * r.onset[component] ** 2 > energy for r in reach.values()):
+                return False
+    return True
 
 
 def units_of(law: ValuedLaw) -> tuple[dict[str, str], dict[str, str]]:
     """Return the declared units of a law's parameters and of the words of its memory."""
     declared: Any = law.declared
     return {name: p.unit for name, p in declared.parameters.items()}, dict(declared.memory)
+
+
+def first(value: Any) -> float:
+    """Return the number that a law answered, which comes in an array where it branches."""
+    return float(np.ravel(value)[0])
 
 
 def known_dimension(unit: str) -> Dimension:
@@ -104,9 +164,7 @@ def _calm(law: ValuedLaw) -> ValuedLaw:
     """Return the law with every temperature at 0: without change of temperature."""
     declared: Any = law.declared
     values = {
-        name: 0.0
-        for name, p in declared.parameters.items()
-        if known_dimension(p.unit) == TEMPERATURE and p.allows(0.0)
+        name: 0.0 for name, p in declared.parameters.items() if known_dimension(p.unit) == TEMPERATURE and p.allows(0.0)
     }
     return replace(law, parameters=law.parameters._replace(**values))
 
@@ -122,9 +180,9 @@ def _duration(law: ValuedLaw) -> float:
 
 
 def _reach(law: ValuedLaw, element: str, length: float, duration: float) -> Reach:
-    """Return the reach of a law in each component, from pairs deformed at once by more and more."""
+    """Return the reach of a law in each component, nan where it does nothing, from pairs deformed at once."""
     count = len(SIZES)
-    onset, end, load = np.zeros(6), np.zeros(6), np.zeros(6)
+    onset, end, new = np.zeros(6), np.zeros(6), np.zeros(6)
     for mode, component in enumerate(FIRST):
         scale = length if component < 3 else 1.0
         local = np.zeros((6, count))
@@ -134,11 +192,11 @@ def _reach(law: ValuedLaw, element: str, length: float, duration: float) -> Reac
         at = [trial.pose(p) for p in path]
         trial.evaluate(at[0], None, duration)
         answer = trial.evaluate(at[1], motions(at[0], at[1], duration, None), duration)
-        secant, elastic = _secant(answer, mode, local[component], float(trial.stiffness[mode]))
-        begins, ends = _knees(secant, local[component], SMALL * scale)
+        secant, stiffness = _secant(answer, mode, local[component], float(trial.stiffness[mode]))
+        begins, ends = _knees(secant, local[component])
         for c in COMPONENTS_OF[mode]:
-            onset[c], end[c], load[c] = begins, ends, elastic * ends
-    return Reach(onset, end, load)
+            onset[c], end[c], new[c] = begins, ends, stiffness
+    return Reach(onset, end, new)
 
 
 def _secant(answer: Answer, mode: int, size: Floats, stiffness: float) -> tuple[Floats, float]:
@@ -150,18 +208,18 @@ def _secant(answer: Answer, mode: int, size: Floats, stiffness: float) -> tuple[
     return (load / first, first) if first > 0.0 else (np.ones_like(size), 0.0)
 
 
-def _knees(secant: Floats, size: Floats, otherwise: float) -> tuple[float, float]:
-    """Return the sizes where the secant stiffness begins to fall, and where little of it is left."""
+def _knees(secant: Floats, size: Floats) -> tuple[float, float]:
+    """Return the sizes where the secant stiffness begins to fall and where little is left; nan if it does not."""
     lost = 1.0 - np.where(np.isfinite(secant), secant, 0.0)
-    begins = np.flatnonzero(lost > 1e-6)
+    begins = np.flatnonzero(lost > 1e-3)
     if len(begins) == 0:
-        return otherwise, otherwise
+        return np.nan, np.nan
     first = float(size[max(begins[0] - 1, 0)])
     for share in (0.99, 0.5):
         ends = np.flatnonzero(lost > share)
         if len(ends):
             return first, float(size[ends[0]])
-    return first, min(4.0 * first, float(size[-1]))
+    return first, float(size[-1])
 
 
 # Paths -----------------------------------------------------------------------------------------------------------
@@ -169,7 +227,7 @@ def _knees(secant: Floats, size: Floats, otherwise: float) -> tuple[float, float
 
 def _drives(s: Subject, element: str) -> dict[str, Floats]:
     """Return paths (points, 6, count) by name: every kind of motion, in single modes and mixed, to several sizes."""
-    onset, end, _ = s.reach[element]
+    onset, end = s.reach[element][:2]
     singles = np.concatenate([np.diag(onset), np.diag(0.5 * (onset + end)), np.diag(1.2 * end)], axis=1)
     random = s.sizes(element, 16, seed=3) * np.random.default_rng(4).choice([-1.0, 1.0], (6, 16))
     targets = np.concatenate([singles, random], axis=1)

@@ -9,11 +9,11 @@ answer is what bonds answer in a simulation.
 """
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from pybondem.assembly import assemble, bond_stage
+from pybondem.assembly import assemble, bond_stage, called
 from pybondem.bonds import Bond, Elastic, Joint, ValuedLaw, springs
 from pybondem.check import Floats, choice
 from pybondem.engines.choose import make_engine
@@ -22,6 +22,7 @@ from pybondem.laws.poses import (
     Motions,
     Poses,
     Rigid,
+    dot,
     geometry,
     motions,
     moved,
@@ -32,7 +33,6 @@ from pybondem.laws.poses import (
 )
 from pybondem.model import Model
 from pybondem.neighbours import own_bonds
-from pybondem.ops import dot
 from pybondem.packing import Particles
 from pybondem.program import Program, Stage
 from pybondem.scatter import Scatter
@@ -50,9 +50,9 @@ DENSITY = 2500.0  # [kg/m3]
 class Answer(NamedTuple):
     """What all pairs answer: forces and torques on both ends (3, count), and (count,) of everything else.
 
-    damage [-]: the least of its modes where each has its own, of a bond law its word of that name, 0 without one; damages
-    (modes, count); memory: words by name; lost [J]: energy dissipated so far; own (6, count): the six loads of a bond law as
-    it gave them [N, N m], None under a damage law.
+    damage [-]: the least of its modes where each has its own, of a bond law its word of that name, 0 without one;
+    damages (modes, count); memory: words by name; lost [J]: energy dissipated so far; own (6, count): the six loads of
+    a bond law as it gave them [N, N m], None under a damage law.
     """
 
     force_i: Floats
@@ -69,10 +69,10 @@ class Answer(NamedTuple):
 class History(NamedTuple):
     """The answers along a path: one entry for each point, `count` columns.
 
-    local (points, 6, count): where the pairs were; normal (points, count) [N]: force along the direction of opening,
-    positive in tension; load (points, 6, count): force n, s, t on j that holds the bond open [N], its torques on j minus
-    those on i, halved [N m], along the axes of each pair; damages (points, modes, count), lost [J] and work [J]
-    (points, count): booked by the bond, and done on it through its ends (trapezoid rule); memory (points, words, count).
+    local (points, 6, count): where the pairs were; load (points, 6, count): what holds them there, along the axes of
+    each pair: force n, s, t on j [N], positive n in tension, and half the torque on j less that on i [N m]; damage and
+    damages as in `Answer`; lost [J]: booked by the bond; work [J]: done on it through its ends (trapezoid rule); memory
+    (points, words, count).
     """
 
     local: Floats
@@ -87,10 +87,10 @@ class History(NamedTuple):
 class Trial:
     """Separate pairs of spheres bonded with one law.
 
-    law: with one value for each parameter, or one per pair; element: "bond" or "joint"; engine: by name; count: of pairs;
-    elastic: form of bonds (default: springs of different stiffness in every mode); length of the pairs [m]; axes: triads
-    (3, 3, count), random by default; tilt: of a joint's chord [rad]; exchanged: each pair is given to the bond the other
-    way round. Raises InputError for an unknown element or engine.
+    law: with one value for each parameter, or one per pair; element: "bond" or "joint"; engine: by name; count: of
+    pairs; elastic: form of bonds (default: springs of different stiffness in every mode); length of the pairs [m];
+    axes: triads (3, 3, count), random by default; tilt: of a joint's chord [rad]; exchanged: each pair is given to the
+    bond the other way round. Raises InputError for an unknown element or engine.
     """
 
     def __init__(self, law: ValuedLaw, element: str = "bond", engine: str = "reference", count: int = 1,
@@ -110,7 +110,8 @@ class Trial:
         self._order = np.argsort(self._done.bond_order(0))  # pair -> bond in memory
         self._fresh = {n: a.copy() for n, a in self._arrays.items() if isinstance(a, np.ndarray)}
         stages = (bond_stage(self._done, 0), Stage("gather"))
-        program = Program(stages, self._done.blocks, self._done.particles, self._done.bonds, self._done.shared)
+        done = self._done
+        program = Program(stages, done.blocks, done.particles, done.bonds, done.shared, (called(law),))
         self._runner = make_engine(engine).prepare(program)
 
     def _bring_to_origin(self) -> None:
@@ -144,7 +145,7 @@ class Trial:
         return poses(self.geometry, np.repeat(each[:, None], self.count, axis=1) if each.ndim == 1 else each)
 
     def evaluate(self, at: Poses, moving: Motions | None = None, dt: float = 1.0) -> Answer:
-        """Set the poses and motions (at rest where there are none) and evaluate every bond once, dt [s] after the last."""
+        """Set poses and motions (at rest where there are none) and evaluate every bond once, dt [s] after the last."""
         fields = self._done.particles
         (i, j), still = self._place, np.zeros((3, self.count))
         given = moving or Motions(still, still, still, still)
@@ -218,8 +219,7 @@ def _work(at: Poses, answer: Answer, then: Poses, next_answer: Answer) -> Floats
         (answer.torque_i + next_answer.torque_i, rotation_vector(at.q_i, then.q_i)),
         (answer.torque_j + next_answer.torque_j, rotation_vector(at.q_j, then.q_j)),
     )
-    total: Floats = -0.5 * sum(dot(load, move) for load, move in moves)
-    return total
+    return -0.5 * np.sum([dot(load, move) for load, move in moves], axis=0)
 
 
 def single(law: ValuedLaw) -> ValuedLaw:

@@ -38,12 +38,12 @@ NAMES = {
     "deg": NONE, "1": NONE, "-": NONE, "%": NONE,
 }  # fmt: skip
 PREFIXED = {"m", "g", "s", "N", "Pa", "J", "W", "Hz"}
-PREFIXES = ("k", "M", "G", "m", "u", "µ", "n")  # noqa: RUF001
+PREFIXES = ("k", "M", "G", "m", "u", "µ", "n")
 COMMON = (
-    "-", "m", "1/m", "m2", "m3", "s", "1/s", "m/s", "1/m2", "K", "1/K", "Pa", "1/Pa", "Pa/m", "Pa s", "Pa s/m", "N", "N/m",
-    "N m", "N s/m", "N m s", "J/m2", "J/m3", "kg", "kg/m3", "Pa m0.5", "Pa/K", "m/K", "W/m2",
+    "-", "m", "1/m", "m2", "m3", "s", "1/s", "m/s", "1/m2", "K", "1/K", "Pa", "1/Pa", "Pa/m", "Pa s", "Pa s/m", "N",
+    "N/m", "N m", "N s/m", "N m s", "J/m2", "kg", "kg/m3", "Pa m0.5", "Pa/K", "m/K", "W/m2",
 )  # fmt: skip
-TOKEN = re.compile(r"(?P<name>[A-Za-z%µ]+|1|-)(?:\^|\*\*)?(?P<power>[+-]?\d+(?:\.\d+)?)?")  # noqa: RUF001
+TOKEN = re.compile(r"(?P<name>[A-Za-z%µ]+|1|-)(?:\^|\*\*)?(?P<power>[+-]?\d+(?:\.\d+)?)?")
 
 
 def dimension(unit: str) -> Dimension:
@@ -56,7 +56,9 @@ def dimension(unit: str) -> Dimension:
             base = None if match is None else _base(match["name"])
             if match is None or base is None:
                 known = ", ".join(NAMES)
-                raise InputError(f"{word!r} in the unit {unit!r} is not known{nearest(word, NAMES)}; known are {known}.")
+                raise InputError(
+                    f"{word!r} in the unit {unit!r} is not known{nearest(word, NAMES)}; known are {known}."
+                )
             total = total.times(base, sign * float(match["power"] or 1.0))
     return total
 

@@ -30,14 +30,14 @@ DPI = 200  #: pixels per inch of the PNG: 1440 x 900
 
 # Okabe and Ito's colours, told apart with every common form of colour blindness (the yellow is too pale for lines).
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-_INK = "#222222"
+INK = "#222222"
 _BESIDE = 1.15  # width of a figure whose legend stands beside the axes
 _FEW_POINTS = 25  # up to here a curve also shows its points
 _LEGEND_INSIDE = 5  # up to so many curves the legend finds room inside the axes
 _THEORY_DASHES = ((0, (5, 2.5)), (0, (1.5, 1.5)), (0, (6, 2, 1.5, 2)))
 _MARKERS = ("o", "s", "^", "D", "v", "P")
 
-_STYLE: dict[Any, Any] = {
+STYLE: dict[Any, Any] = {
     "font.size": 12,
     "font.family": ["DejaVu Sans"],  # comes with matplotlib: the same figure on every machine
     "axes.labelsize": 13,
@@ -45,8 +45,8 @@ _STYLE: dict[Any, Any] = {
     "axes.titleweight": "bold",
     "axes.titlelocation": "left",
     "axes.titlepad": 10,
-    "axes.edgecolor": _INK,
-    "axes.labelcolor": _INK,
+    "axes.edgecolor": INK,
+    "axes.labelcolor": INK,
     "axes.linewidth": 1.0,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -57,8 +57,8 @@ _STYLE: dict[Any, Any] = {
     "axes.unicode_minus": True,
     "grid.color": "#E6E6E6",
     "grid.linewidth": 0.8,
-    "xtick.color": _INK,
-    "ytick.color": _INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
     "xtick.direction": "out",
     "ytick.direction": "out",
     "legend.frameon": False,
@@ -110,7 +110,7 @@ def line_figure(
     measured = {name: _curve(x, y, name) for name, y in ys.items()}
     expected = {name: _curve(*curve, name) for name, curve in (theory or {}).items()}
     many = len(measured) + len(expected) > _LEGEND_INSIDE
-    with _figure(path_png, width=_BESIDE if many else 1.0) as figure:
+    with styled_figure(path_png, width=_BESIDE if many else 1.0) as figure:
         axes = figure.add_subplot()
         scale = _label_axes(axes, [*measured.values(), *expected.values()], labels, units)
         for (name, curve), look in zip(measured.items(), _looks(), strict=False):
@@ -156,7 +156,7 @@ def curve_against_theory(
     InputError : lengths that differ, values that are not real numbers, or a path that is not a PNG.
     """
     seen, expected = _curve(*measured, names[0]), _curve(*theory, names[1])
-    with _figure(path_png) as figure:
+    with styled_figure(path_png) as figure:
         axes = figure.add_subplot()
         scale = _label_axes(axes, [seen, expected], labels, units)
         axes.plot(*_scaled(seen, scale), color=PALETTE[0], label=names[0], marker=_marker(seen), linewidth=2.8)
@@ -207,7 +207,7 @@ def profiles_against_theory(
         raise InputError(f"figure {Path(path_png).name}: theory has stage {odd[0]!r}, which is not in measured.")
     seen = {stage: _curve(*curve, stage) for stage, curve in measured.items()}
     expected = {stage: _curve(*curve, stage) for stage, curve in theory.items()}
-    with _figure(path_png, width=_BESIDE) as figure:
+    with styled_figure(path_png, width=_BESIDE) as figure:
         axes = figure.add_subplot()
         scale = _label_axes(axes, [*seen.values(), *expected.values()], labels, units)
         keys = []
@@ -254,7 +254,7 @@ def energy_book(
     curves = {name: _curve(time, values, name) for name, values in columns.items()}
     missing = _curve(time, residual, "residual")
     largest = max(_largest([curve], 1) for curve in curves.values())
-    with _figure(path_png, width=_BESIDE, height=1.2) as figure:
+    with styled_figure(path_png, width=_BESIDE, height=1.2) as figure:
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3.2, 1))
         scale = _label_axes(upper, list(curves.values()), ("time", "energy"), ("s", "J"))
         upper.set_xlabel("")
@@ -263,30 +263,33 @@ def energy_book(
         upper.set_title(title)
         figure.legend(loc="outside right upper")
         share = missing[1] / largest if largest > 0.0 else missing[1]
-        lower.axhline(0.0, color=_INK, linewidth=0.8)
-        lower.plot(missing[0] * scale[0], share, color=_INK, linewidth=1.6)
+        lower.axhline(0.0, color=INK, linewidth=0.8)
+        lower.plot(missing[0] * scale[0], share, color=INK, linewidth=1.6)
         lower.set_ylabel("residual /\nlargest term")
-        lower.set_xlabel(_axis_label("time", "s", scale[0]))
+        lower.set_xlabel(axis_label("time", "s", scale[0]))
         lower.locator_params(axis="y", nbins=3)
         figure.align_ylabels()
     return Path(path_png)
 
 
 @contextmanager
-def _figure(path_png: str | Path, width: float = 1.0, height: float = 1.0) -> Iterator[Figure]:
-    """A figure in the package's style; saved as PNG and SVG when the block ends without an error."""
-    path = Path(path_png)
-    if path.suffix.lower() != ".png":
+def styled_figure(path_png: str | Path | None, width: float = 1.0, height: float = 1.0) -> Iterator[Figure]:
+    """A figure in the package's style; saved as PNG and SVG, at a path, when the block ends without an error."""
+    path = None if path_png is None else Path(path_png)
+    if path is not None and path.suffix.lower() != ".png":
         raise InputError(f"figure {path} must be a .png; the .svg is put beside it.")
     import matplotlib
     from matplotlib.figure import Figure
 
-    with matplotlib.rc_context(_STYLE):
+    with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(SIZE[0] * width, SIZE[1] * height), layout="constrained")
         yield figure
-        path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, dpi=DPI)
-        figure.savefig(path.with_suffix(".svg"), metadata={"Date": None})
+        if path is None:
+            figure.draw_without_rendering()  # ticks take the style when they are first drawn
+        else:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            figure.savefig(path, dpi=DPI)
+            figure.savefig(path.with_suffix(".svg"), metadata={"Date": None})
 
 
 def _curve(x: ArrayLike, y: ArrayLike, name: str) -> tuple[Numbers, Numbers]:
@@ -311,12 +314,13 @@ def _label_axes(
 ) -> tuple[float, float]:
     """Write the axis labels and return the factors that bring x and y to the units named there."""
     factors = tuple(si_scale(_largest(curves, axis), units[axis])[0] for axis in (0, 1))
-    axes.set_xlabel(_axis_label(labels[0], units[0], factors[0]))
-    axes.set_ylabel(_axis_label(labels[1], units[1], factors[1]))
+    axes.set_xlabel(axis_label(labels[0], units[0], factors[0]))
+    axes.set_ylabel(axis_label(labels[1], units[1], factors[1]))
     return factors[0], factors[1]
 
 
-def _axis_label(label: str, unit: str, factor: float) -> str:
+def axis_label(label: str, unit: str, factor: float) -> str:
+    """Text of an axis whose numbers are multiplied by a factor, with the prefixed unit: ``end displacement [mm]``."""
     prefixed = si_scale(1.0 / factor, unit)[1]
     return f"{label} [{prefixed}]" if prefixed else label
 
