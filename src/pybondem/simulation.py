@@ -23,6 +23,7 @@ from pybondem.engines.choose import make_engine
 from pybondem.errors import InputError, UnstableError
 from pybondem.measure import Measure, Record
 from pybondem.model import BondSet, Model, Selection
+from pybondem.output.progress import Progress, waiting
 from pybondem.program import Program
 from pybondem.stability import Limit, stability_limit
 
@@ -77,20 +78,21 @@ class Simulation:
         if not hasattr(engine, "prepare"):
             raise InputError(f"engine is {engine!r}; give the name of one, such as 'cpu', or an engine.")
         self.engine: Engine = engine
-        self.state: Assembly = assemble(model)
-        self.limit: Limit = stability_limit(self.state, self.engine)
-        self.dt = self._time_step(dt, safety)
         self.step = 0
         self.stepping = 0.0  # wall time spent in the engine's steps [s]
         self.records: list[Record] = []
         self._kinetic = damping if isinstance(damping, Kinetic) else None
         self._kinetic_taken, self._kinetic_before = 0.0, 0.0
-        program = step_program(self.state, self.gravity, damping if isinstance(damping, Drag) else None)
-        self._runner = self.engine.prepare(program)
         self._energy: tuple[Program, Runner] | None = None
         self._interrupted = False
         self._observers: list[Callable[[Simulation], None]] = []
-        self._evaluate()
+        with waiting("laying out the model, finding its time step, compiling", session.quiet):
+            self.state: Assembly = assemble(model)
+            self.limit: Limit = stability_limit(self.state, self.engine)
+            self.dt = self._time_step(dt, safety)
+            program = step_program(self.state, self.gravity, damping if isinstance(damping, Drag) else None)
+            self._runner = self.engine.prepare(program)
+            self._evaluate()
 
     def _time_step(self, dt: float | None, safety: float) -> float:
         """Return the time step [s]: the one asked for, or safety times the critical one."""
@@ -148,8 +150,6 @@ class Simulation:
         Shows progress unless quiet. Ctrl-C ends after the current block of steps and raises Interrupted. Raises
         InputError unless one of the three is given, UnstableError where the motion is no longer finite.
         """
-        from pybondem.output.progress import Progress
-
         self._check_model()
         total = self._steps_to_take(steps, time, until)
         last = None if total is None else self.step + total
@@ -237,6 +237,7 @@ class Simulation:
     def _evaluate(self) -> None:
         """Evaluate the loads where the model stands, and start the energy book afresh."""
         self._load()
+        self._kinetic_before = 0.0
         self._at_start = 0.0
         self._at_start = self.energies.residual
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 import time as clocks
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from importlib.util import find_spec
 from types import TracebackType
 from typing import TYPE_CHECKING, NamedTuple
@@ -200,6 +202,16 @@ class Progress:
         line = Table.grid(padding=(0, len(_GAP), 0, 0))
         line.add_row(*row, Text(words, no_wrap=True, overflow="ellipsis"))
         return line
+
+
+@contextmanager
+def waiting(what: str, quiet: bool = False) -> Iterator[None]:
+    """Say on a terminal what is being waited for, while it lasts; print nothing elsewhere."""
+    if quiet or not sys.stdout.isatty():
+        yield
+        return
+    with _standard_console().status(what):
+        yield
 
 
 def _standard_console() -> Console:
