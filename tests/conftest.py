@@ -18,6 +18,7 @@ from oracles.closed_forms import DP0
 
 import pybondem as bd
 from pybondem.engines.choose import ENGINES as OFFERED
+from pybondem.engines.cuda_compile import missing
 
 Floats = NDArray[np.float64]
 NEED_GPU = {"cuda"}
@@ -38,7 +39,7 @@ def gpus() -> int:
     return int(asked.stdout) if asked.returncode == 0 else 0
 
 
-ENGINES = [name for name in OFFERED if name not in NEED_GPU or gpus()]
+ENGINES = [name for name in OFFERED if name not in NEED_GPU or (gpus() and missing() is None)]
 
 
 @pytest.fixture(params=ENGINES)
@@ -58,7 +59,7 @@ def gpu_line() -> str:
     """Return what there is to say about GPUs."""
     if not gpus():
         return "no GPU was seen"
-    return f"{gpus()} GPU seen" + ("" if NEED_GPU & set(ENGINES) else ", but the package has no engine for it")
+    return f"{gpus()} GPU seen" + ("" if NEED_GPU & set(ENGINES) else f", but {missing()}")
 
 
 def gpu_is_missing() -> bool:

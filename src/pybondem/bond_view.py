@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 from pybondem.assembly import Assembly
 from pybondem.bond_answers import felt
 from pybondem.engines.reference import on_arrays
-from pybondem.errors import InputError, LawError
+from pybondem.errors import InputError, LawError, UnstableError
 from pybondem.model import BondSet
 from pybondem.physics.frame import components, relative_pose
 from pybondem.physics.types import Pose, Reference, Section, Stiffness
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+BLOWN_UP = 10.0  # elongation over length: what a law says there means nothing
 
 
 def number_of(state: Assembly, bonds: BondSet) -> int:
@@ -72,7 +73,10 @@ def failed_pairs(state: Assembly) -> Ints:
 
 
 def refuse_values(state: Assembly, steps: tuple[int, int]) -> None:
-    """Raise LawError where a law has returned a value that is not finite; steps: first and last it may have been in."""
+    """Raise LawError where a law has returned a value that is not finite, UnstableError where its bond has blown up.
+
+    steps: first and last it may have been in.
+    """
     for number, block in enumerate(state.blocks):
         arrays = state.bonds[block.name]
         if "lost" not in arrays or np.isfinite(arrays.total("lost")):
@@ -80,7 +84,20 @@ def refuse_values(state: Assembly, steps: tuple[int, int]) -> None:
         lost = arrays["lost"]
         k, count = int(np.argmin(np.isfinite(lost))), int(np.count_nonzero(~np.isfinite(lost)))
         when = f"at step {steps[1]}" if steps[0] >= steps[1] else f"between steps {steps[0]} and {steps[1]}"
+        opening = _opening(_seen(state, number), k)
+        if not abs(opening) < BLOWN_UP:
+            i, j = (int(state.order[arrays[end][k]]) for end in "ij")
+            raise UnstableError(
+                f"the motion has blown up {when}: the bond between particles {i} and {j} is {1.0 + opening:.3g} times "
+                f"as long as at first, and {count - 1} others are no better; lower dt."
+            )
         raise LawError(f"{_which(state, number, k)} gave a value that is not finite {when} ({count} bonds in all).")
+
+
+def _opening(seen: dict[str, Any], k: int) -> float:
+    """Return the opening of a bond over its length."""
+    opening, length = np.broadcast_arrays(seen["n"] if "n" in seen else seen["opening"], seen["length"])
+    return float(opening[k]) / float(length[k])
 
 
 def _which(state: Assembly, number: int, k: int) -> str:

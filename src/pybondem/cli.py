@@ -34,7 +34,7 @@ EXAMPLES = {
 }
 
 Output = Annotated[Path | None, typer.Option("--output", "-o", help="Result folder; by default a new one in runs/.")]
-Engine = Annotated[str, typer.Option(help="cpu, reference or interpreted.")]
+Engine = Annotated[str, typer.Option(help="cpu, cuda, reference or interpreted.")]
 Threads = Annotated[int | None, typer.Option(help="Threads of the cpu engine; by default the physical cores.")]
 Set = Annotated[list[str] | None, typer.Option("--set", "-s", help="Change a value of an example: -s diameter=0.5")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no closing block.")]
@@ -76,9 +76,10 @@ def info() -> None:
     """Say what this machine offers: engines, threads, GPU, versions."""
     from pybondem.engines.choose import ENGINES
     from pybondem.engines.cpu import Cpu, cache_folder
+    from pybondem.engines.cuda_device import described
     from pybondem.output.folder import provenance
 
-    facts = {"engines": ", ".join(ENGINES), "threads": str(Cpu().threads), "GPU": gpu_seen(),
+    facts = {"engines": ", ".join(ENGINES), "threads": str(Cpu().threads), "GPU": described(),
              "compiled programs": str(cache_folder())} | provenance()  # fmt: skip
     for name, value in facts.items():
         typer.echo(f"{name:20s} {value}")
@@ -139,21 +140,6 @@ def parsed(name: str, values: list[str]) -> dict[str, Any]:
         except ValueError:
             raise InputError(f"{key}={value!r} of {name} is not a number.") from None
     return result
-
-
-def gpu_seen() -> str:
-    """Return what the NVIDIA driver of this machine says of its GPUs."""
-    import ctypes
-
-    try:
-        cuda = ctypes.CDLL("nvcuda.dll" if sys.platform == "win32" else "libcuda.so.1")
-    except OSError:
-        return "none (no NVIDIA driver)"
-    count, name = ctypes.c_int(0), ctypes.create_string_buffer(100)
-    if cuda.cuInit(0) != 0 or cuda.cuDeviceGetCount(ctypes.byref(count)) != 0 or count.value == 0:
-        return "none (the NVIDIA driver reports no device)"
-    cuda.cuDeviceGetName(name, 100, 0)
-    return f"{count.value} x {name.value.decode()} (no engine for it yet)"
 
 
 @contextmanager

@@ -210,13 +210,13 @@ class Simulation:
         self._runner.advance(n, self.dt, self.state.tables.schedule(self.step, n, self.dt))
         self.stepping += clocks.perf_counter() - began
         self.step += n
-        refuse_values(self.state, (self.step - n + 1, self.step))
         if not np.isfinite(self.state.particles.total("x")):
             bad = ~np.isfinite(self.state.particles["x"]).all(axis=0)
             raise UnstableError(
                 f"the motion is not finite any more at step {self.step} (t = {self.time:.4g} s), at {bad.sum()} "
                 f"particles, the first is {self.state.order[bad].min()}; lower dt ({self.dt:.3g} s)."
             )
+        refuse_values(self.state, (self.step - n + 1, self.step))
         if self._kinetic and self.step % self._kinetic.every == 0:
             self._stop_at_peak()
 

@@ -268,7 +268,7 @@ def test_a_run_that_blows_up_says_so_and_leaves_what_it_had(command: Command, tm
     wild = SPECIMEN.replace("to=0.1", "to=1e300") + PULL.replace("steps=410", "steps=5000")
     done = command("run", script(tmp_path, wild), "-o", "out", "--engine", "reference")
     assert done.exit_code == 3
-    assert done.stderr.startswith("error: the motion is not finite any more at step")
+    assert done.stderr.startswith("error: the motion has blown up at step")
     assert read_summary(tmp_path / "out")["outcome"] == "failed"
 
 

@@ -4,14 +4,17 @@ from pybondem.check import choice
 from pybondem.engines.base import Engine
 from pybondem.errors import EngineError, InputError
 
-ENGINES = ("cpu", "reference", "interpreted")
+ENGINES = ("cpu", "reference", "interpreted", "cuda")
+VARIANTS = ("cuda:bonds", "cuda:half-bonds")  # by what a thread of the GPU evaluates; "cuda" takes the faster one
 
 
 def make_engine(name: str, threads: int | None = None) -> Engine:
-    """Return an engine by name: "cpu" (Numba, the default), "reference" (NumPy), "interpreted" (plain Python)."""
-    if name == "cuda":
-        raise EngineError(f"there is no GPU engine in this version; the engines are {', '.join(ENGINES)}.")
-    name = choice("engine", name, ENGINES)
+    """Return an engine by name: "cpu" (Numba, the default), "cuda" (Numba on an NVIDIA GPU), "reference" (NumPy),
+    "interpreted" (plain Python).
+
+    Raises InputError for another name, EngineError where there is no GPU to be used.
+    """
+    name = choice("engine", name, (*ENGINES, *VARIANTS))
     if name == "reference":
         from pybondem.engines.reference import Reference
 
@@ -20,8 +23,23 @@ def make_engine(name: str, threads: int | None = None) -> Engine:
         from pybondem.engines.interpreted import Interpreted
 
         return Interpreted()
+    if name.startswith("cuda"):
+        from pybondem.engines.cuda import Cuda
+
+        return Cuda("bonds" if name == "cuda:bonds" else "half-bonds" if name == "cuda:half-bonds" else None)
     from pybondem.engines.cpu import Cpu
 
     if threads is not None and not isinstance(threads, int):
         raise InputError(f"threads is {threads!r}; it must be a whole number.")
     return Cpu(threads)
+
+
+def usable_engines() -> tuple[str, ...]:
+    """Return the names of the engines that this machine can run."""
+    from pybondem.engines.cuda_device import usable
+
+    try:
+        usable()
+    except EngineError:
+        return tuple(name for name in ENGINES if name != "cuda")
+    return ENGINES

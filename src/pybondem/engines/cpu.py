@@ -27,7 +27,8 @@ from pybondem import ops
 from pybondem.engines import cpu_words
 from pybondem.engines.binding import bind, globals_of, names_of, parts_of
 from pybondem.engines.compile_errors import explain
-from pybondem.engines.loops import INDEX_WORDS, Loops
+from pybondem.engines.lookups import INDEX_WORDS
+from pybondem.engines.loops import Loops
 from pybondem.errors import EngineError, LawError
 from pybondem.program import Program
 from pybondem.state import Arrays

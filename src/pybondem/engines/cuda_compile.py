@@ -21,6 +21,7 @@ from typing import Any, NamedTuple, get_args, get_origin
 from pybondem import ops
 from pybondem.engines.binding import bind
 from pybondem.engines.compile_errors import explain, first_line, located, plain
+from pybondem.engines.cuda_text import Text
 from pybondem.errors import EngineError
 
 # Words that are not written in Python, and CUDA's versions of them. `where`, `minimum`, `maximum` and `absolute` are
@@ -29,6 +30,9 @@ WORDS: dict[Any, Any] = {ops.exp: math.exp, ops.log: math.log, ops.sqrt: math.sq
 EXTRA = "pip install pybondem[cuda]"
 
 Capability = tuple[int, int]
+SOURCE = "<CUDA kernel>"
+
+_KERNELS: dict[Any, Any] = {}  # compiled code is never freed: make each kernel once
 
 
 class Compiled(NamedTuple):
@@ -114,6 +118,62 @@ def _device_of(capability: Capability) -> Iterator[None]:
         dispatcher.get_current_device = real
 
 
+# The kernel of a program ----------------------------------------------------------------------------------------
+
+
+def kernel_of(text: Text, capability: Capability | None = None) -> Callable[..., Any]:
+    """Return the kernel `advance` of a text, for `cuda.jit`; its phases and their bodies are inlined into it.
+
+    capability: None for the device at hand; device functions are compiled for one capability only.
+    """
+    from numba import cuda
+
+    key = (text.source, text.threads, *text.bodies.values(), *text.types.values(), capability)
+    if key not in _KERNELS:
+        inlined = cuda.jit(device=True, forceinline=True)
+        made: dict[Any, Any] = {}
+        names: dict[str, Any] = {"cuda": cuda, **text.words, **text.types}
+        names |= {name: bind(body, WORDS, inlined, made) for name, body in text.bodies.items()}
+        before = set(names)
+        exec(compile(text.source, SOURCE, "exec"), names)
+        names |= {name: inlined(names[name]) for name in set(names) - before - {"advance", "__builtins__"}}
+        _KERNELS[key] = names["advance"]
+    kernel: Callable[..., Any] = _KERNELS[key]
+    return kernel
+
+
+def compile_kernel(text: Text, capability: Capability = (9, 0), launch_bounds: Any = None) -> Compiled:
+    """Compile the kernel of a program for a GPU and say what it takes; needs neither a GPU nor a driver.
+
+    launch_bounds: threads of a block, or these and the blocks that must fit on a multiprocessor; by default the threads
+    of the text. Raises EngineError where the compiler is missing.
+    """
+    if why := missing():
+        raise EngineError(f"the kernel cannot be compiled for a GPU: {why}.")
+    from numba import cuda
+
+    with _device_of(capability):
+        kinds = tuple(argument_types(text))
+        bounds = launch_bounds or text.threads
+        ptx, _ = cuda.compile_ptx(kernel_of(text, capability), kinds, cc=capability, launch_bounds=bounds)
+    return Compiled(str(ptx), *_needs(str(ptx)))
+
+
+def argument_types(text: Text) -> Iterator[Any]:
+    """Yield Numba's types of what the kernel of a text takes: steps, arguments, private arrays."""
+    import numba
+
+    yield numba.int64
+    for value in text.arguments.values():
+        yield (
+            numba.types.Array(numba.from_dtype(value.dtype), value.ndim, "C")
+            if hasattr(value, "ndim") and value.ndim
+            else numba.typeof(value)
+        )
+    for array in text.private.values():
+        yield numba.types.Array(numba.from_dtype(array.dtype), len(array.shape), "C")
+
+
 # The kernel around the function ---------------------------------------------------------------------------------
 
 
@@ -191,7 +251,7 @@ def _needs(ptx: str) -> tuple[int | None, int | None]:
     with tempfile.TemporaryDirectory() as folder:
         source = Path(folder, "kernel.ptx")
         source.write_text(ptx)
-        asked = [ptxas, f"-arch={target}", "-v", str(source), "-o", str(source.with_suffix(".cubin"))]
+        asked = [ptxas, "-c", f"-arch={target}", "-v", str(source), "-o", str(source.with_suffix(".cubin"))]
         done = subprocess.run(asked, capture_output=True, text=True, check=False)
     said = done.stdout + done.stderr
     used = re.search(r"Used (\d+) registers", said)

@@ -6,7 +6,8 @@ The baseline that the PyBONDEM-GPU paper calls NumPy, and a place to set a break
 import traceback
 from typing import Any
 
-from pybondem.engines.loops import INDEX_WORDS, Loops
+from pybondem.engines.lookups import INDEX_WORDS
+from pybondem.engines.loops import Loops
 from pybondem.errors import LawError
 from pybondem.program import Program
 from pybondem.state import Arrays

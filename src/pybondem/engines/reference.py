@@ -9,7 +9,7 @@ import numpy as np
 
 from pybondem import ops
 from pybondem.engines.binding import bind
-from pybondem.engines.loops import GROUP, SCHEDULED
+from pybondem.engines.lookups import GROUP, SCHEDULED
 from pybondem.program import Program, Stage
 from pybondem.state import CHORD, Arrays
 

@@ -1,0 +1,102 @@
+#!/usr/bin/env bash
+# All that a machine with an NVIDIA GPU can tell that others cannot, without a network: at most ten minutes on an H100.
+#
+#     benchmarks/gpu_session.sh                      all parts, one after another
+#     benchmarks/gpu_session.sh tests speed          some of them: equality speed layouts sanitizer tests
+#
+# PYTHON: an interpreter with the cuda extra (default: .venv/bin/python, else python3). OUT: folder of the results
+# (default: benchmarks/results). LIMIT: seconds for all of it (default: 600). Each part has a limit of its own too, and
+# one that fails does not keep the next from running.
+set -uo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+here=.venv/bin/python
+[[ -x $here ]] || here=python3
+python=${PYTHON:-$here}
+out=${OUT:-benchmarks/results}
+mkdir -p "$out"
+results=$out/gpu-$(date -u +%Y-%m-%d).json
+export PYTHONPATH=src${PYTHONPATH:+:$PYTHONPATH} PYTHONUNBUFFERED=1 PYBONDEM_REQUIRE_GPU=1
+most=${LIMIT:-600}
+parts=("$@")
+((${#parts[@]})) || parts=(equality speed layouts sanitizer tests)
+failed=()
+
+# run NAME SECONDS COMMAND...: at most so long; what it prints is shown and kept.
+run() {
+    local name=$1 limit=$2 began=$SECONDS left=$((most - SECONDS))
+    shift 2
+    printf '\n== %s\n' "$name"
+    if ((left <= 0)); then
+        failed+=("$name (no time was left for it)")
+        return
+    fi
+    ((limit < left)) || limit=$left
+    timeout "$limit" "$@" 2>&1 | tee "$out/gpu-${name// /-}.log"
+    local code=${PIPESTATUS[0]}
+    ((code == 0)) || failed+=("$name (exit code $code)")
+    printf '== %s: exit code %d after %d s\n' "$name" "$code" $((SECONDS - began))
+}
+
+tests() {
+    local spread=()
+    "$python" -c 'import xdist' 2>/dev/null && spread=(-n "${WORKERS:-6}")
+    # every test that takes an engine, on this one, and the tests of its parts
+    run tests 400 "$python" -m pytest -q -p no:cacheprovider "${spread[@]}" -k cuda tests
+}
+
+equality() {
+    run equality 120 "$python" benchmarks/gpu_equality.py --particles 45000 --json "$results"
+}
+
+layouts() {
+    run layouts 120 "$python" benchmarks/gpu_variants.py --particles 200000 --json "$results"
+}
+
+speed() {
+    local case=("$python" benchmarks/run.py --job cylinder --repeats 5 --json "$results")
+    run "start-up" 60 "${case[@]}" --engine cuda --particles 1000
+    run speed 200 "${case[@]}" --engine cuda:bonds,cuda:half-bonds --no-start --particles 1000,10000,100000,1000000
+    run "speed of 8 million" 240 "${case[@]}" --engine cuda --no-start --particles 8000000
+    run shares 60 "$python" benchmarks/gpu_ceilings.py --json "$results" --beside
+}
+
+sanitizer() {
+    if ! command -v compute-sanitizer >/dev/null; then
+        echo "compute-sanitizer is not on the PATH: memory errors and races were not looked for."
+        return
+    fi
+    local tool variant
+    for tool in memcheck racecheck; do
+        for variant in bonds half-bonds; do
+            run "$tool $variant" 90 compute-sanitizer --tool "$tool" --error-exitcode 9 \
+                "$python" benchmarks/start.py "cuda:$variant" strength
+        done
+    done
+}
+
+"$python" -m pybondem info
+"$python" -c '
+import sys
+from pybondem.engines.cuda_device import usable
+from pybondem.errors import EngineError
+try:
+    usable()
+except EngineError as error:
+    sys.exit(str(error))
+' || exit 1
+for part in "${parts[@]}"; do
+    case $part in
+    tests | equality | layouts | speed | sanitizer) "$part" ;;
+    *)
+        echo "there is no part $part: equality speed layouts sanitizer tests" >&2
+        exit 2
+        ;;
+    esac
+done
+printf '\n'
+if ((${#failed[@]})); then
+    printf 'FAILED: %s\n' "${failed[@]}"
+    exit 1
+fi
+echo "All parts are done; the figures are in $results."

@@ -1,0 +1,163 @@
+"""The cuda engine: a program as one cooperative kernel, its arrays in GPU memory until somebody looks at them.
+
+One launch advances many steps. The same bits on every run of one GPU: no atomics, sums in fixed order.
+"""
+
+from typing import Any, get_args
+
+import numpy as np
+
+from pybondem.check import choice, whole_number
+from pybondem.engines.compile_errors import explain
+from pybondem.engines.cuda_compile import compile_for_gpu
+from pybondem.engines.cuda_device import Capability, Variant, fastest, usable
+from pybondem.engines.cuda_half_bonds import half_bond_text
+from pybondem.engines.cuda_launch import Device, Launch, out_of_memory
+from pybondem.engines.cuda_memory import Mirror, Rows
+from pybondem.engines.cuda_phases import fields_of
+from pybondem.engines.cuda_text import THREADS, Text, is_step, stage_text
+from pybondem.errors import EngineError, LawError
+from pybondem.program import Program
+from pybondem.state import ENERGY, SCHEDULED_FIELDS, Arrays, Fields
+
+GIVEN = {ENERGY.name, *(field.name for field in SCHEDULED_FIELDS)}  # with each call, not held between calls
+LEFT_FREE = 2**26  # bytes of GPU memory for the kernel itself
+
+
+class CudaRunner:
+    """A program on the GPU."""
+
+    def __init__(self, program: Program, text: Text, device: Device, mirror: Mirror, at_once: int) -> None:
+        self._program, self._text, self._device, self._mirror = program, text, device, mirror
+        self._at_once = at_once
+        self._launch: Launch | None = None
+        self._steps = 0
+        self._tables: dict[str, Rows] = {}
+        self._arrays = {n: a for n, a in text.arguments.items() if isinstance(a, np.ndarray) and n not in GIVEN}
+        self._moving = {} if isinstance(program.particles, Fields) else _read_of_particles(program)
+        self._make_room()
+        for fields in (program.particles, program.shared, *program.bonds.values()):
+            if isinstance(fields, Fields):
+                fields.source = mirror
+
+    def _make_room(self) -> None:
+        """Take the GPU memory that the program needs; raises EngineError where there is too little, nothing taken."""
+        private = self._text.private.values()
+        needed = self._mirror.missing(self._arrays.values())
+        needed += sum(int(np.prod(p.shape)) * np.dtype(p.dtype).itemsize for p in private)
+        free = self._device.free()
+        if needed + LEFT_FREE > free:
+            raise out_of_memory(self._device.gpu, needed + LEFT_FREE, free)
+        for array in self._arrays.values():
+            self._mirror.keep(array)
+        self._private = [self._device.empty(p.shape, p.dtype) for p in private]
+        for there, p in zip(self._private, private, strict=True):
+            if p.initial is not None:
+                self._device.upload(p.initial, there)
+
+    def advance(self, steps: int, dt: float, schedule: Arrays) -> None:
+        """Run the program's stages `steps` times, dt [s] apart.
+
+        An array of the schedule that the program writes is brought back into it. Raises EngineError where the GPU
+        fails, with the steps it was in: what it held is lost then.
+        """
+        if steps == 0:
+            return
+        for array in self._moving.values():
+            self._mirror.changed(array)
+        arguments, written = self._text.arguments, self._text.written
+        tables = {name: self._table(name, table) for name, table in schedule.items() if name in arguments}
+        given: dict[str, Any] = tables | {"dt": dt}
+        values = [given[name] if name in given else self._value(value) for name, value in arguments.items()]
+        for name in written - tables.keys():  # at once: the copies are up to date, whatever becomes of the launch
+            self._mirror.written(self._arrays[name])
+        self._run(steps, dt, [*values, *self._private])
+        for name in written & tables.keys():
+            self._device.download(tables[name], schedule[name])
+        if not isinstance(self._program.particles, Fields):
+            for array in self._program.particles.values():
+                self._mirror.fetch(array)
+
+    def _table(self, name: str, table: Any) -> Any:
+        """Return a table of the schedule in GPU memory; one that the program writes has arbitrary values there."""
+        there = self._tables.setdefault(name, Rows(self._device)).for_table(table)
+        if name not in self._text.written:
+            self._device.upload(table, there)
+        return there
+
+    def _value(self, value: Any) -> Any:
+        """Return what the kernel takes for an argument that is the same in all calls."""
+        return self._mirror.copy_of(value) if isinstance(value, np.ndarray) else value
+
+    def _compiled(self, values: list[Any]) -> Launch:
+        """Return the compiled kernel; raises LawError with its author's own line where a law is what cannot be."""
+        try:
+            return self._device.kernel(self._text, values, self._at_once)
+        except EngineError:
+            raise
+        except Exception:  # Numba raises more than its own errors
+            refuse_laws(self._program, self._device.gpu.capability)
+            raise
+
+    def _run(self, steps: int, dt: float, values: list[Any]) -> None:
+        """Launch the kernel; a step of no length is none that the user counts."""
+        if self._launch is None:
+            self._launch = self._compiled(values)
+        counted = steps if dt > 0.0 else 0
+        first, last = self._steps + min(counted, 1), self._steps + counted
+        try:
+            self._launch(steps, *values)
+        except EngineError as error:
+            raise EngineError(f"in steps {first} to {last} {error}") from error
+        self._steps += counted
+
+
+def _read_of_particles(program: Program) -> dict[str, Any]:
+    """Return the particle arrays whose values the stages read: what a host that keeps no `Fields` sets before a call.
+
+    Positions that stages only take chords from are constant, and are not among them.
+    """
+    read = {name.partition(".")[0] for stage in program.stages for name in fields_of(stage.reads)}
+    return {name: array for name, array in program.particles.items() if name in read and isinstance(array, np.ndarray)}
+
+
+def refuse_laws(program: Program, capability: Capability) -> None:
+    """Compile each law of a program alone; raises LawError with its author's own line for the first that cannot be."""
+    for law in program.laws:
+        try:
+            compile_for_gpu(law.function, law.types, capability)
+        except EngineError as error:
+            said = explain(error.__context__, law.user) if isinstance(error.__context__, Exception) else str(error)
+            raise LawError(f"{said} The engines reference and interpreted run it.") from None
+
+
+class Cuda:
+    """Engine "cuda".
+
+    variant: how a step is laid out on the GPU. "bonds": one thread per bond, loads through memory, two meetings of all
+    blocks in a step; "half-bonds": one thread for each end of a bond, loads within a block, one meeting; None: what is
+    faster on this GPU. threads: of a block; at_once: blocks that must fit on one multiprocessor, where more of them
+    wait less for memory and leave fewer registers to each. Raises EngineError where no GPU can be used; never runs on
+    anything else.
+    """
+
+    name = "cuda"
+
+    def __init__(self, variant: Variant | None = None, threads: int = THREADS, at_once: int = 1) -> None:
+        if variant is not None:
+            choice("variant of the engine cuda", variant, get_args(Variant))
+        self.threads = whole_number("threads of the engine cuda", threads)
+        self.at_once = whole_number("at_once of the engine cuda", at_once)
+        self.gpu = usable()
+        self.variant: Variant = variant or fastest(self.gpu.capability)
+        self._device = Device(self.gpu)
+        self._mirror = Mirror(self._device)
+
+    def prepare(self, program: Program) -> CudaRunner:
+        """Return a runner for the program, with room for it in GPU memory; compiled on first use, then cached.
+
+        Raises EngineError with needed and free bytes where the program does not fit.
+        """
+        halves = self.variant == "half-bonds" and is_step(program)
+        text = (half_bond_text if halves else stage_text)(program, self.threads)
+        return CudaRunner(program, text, self._device, self._mirror, self.at_once)

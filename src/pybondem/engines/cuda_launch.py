@@ -1,0 +1,179 @@
+"""The GPU's memory and kernels through numba-cuda, with its errors in this package's words.
+
+All that the engine asks of numba-cuda at run time stands in `Device`: another binding needs no more than these methods.
+"""
+
+import hashlib
+import importlib.metadata
+import os
+import tempfile
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from types import FunctionType
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from pybondem.engines.cpu import cache_folder, fingerprint
+from pybondem.engines.cuda_compile import kernel_of
+from pybondem.engines.cuda_device import Gpu
+from pybondem.engines.cuda_text import Text
+from pybondem.errors import EngineError
+
+DRIVER_ERRORS = {"CudaAPIError", "CudaDriverError", "CudaSupportError", "CUDAError"}  # of numba-cuda and of cuda.core
+SUM_BLOCKS, SUM_THREADS = 64, 256
+
+Launch = Callable[..., None]  # launch(steps, *values)
+
+_KERNELS: dict[str, Any] = {}  # compiled code is never freed: compile each text once
+
+
+class Device:
+    """The GPU as the engine sees it.
+
+    failed: None, or why nothing more can be had from it: after a fault in a kernel all that it holds is lost.
+    """
+
+    def __init__(self, gpu: Gpu) -> None:
+        self.gpu = gpu
+        self.failed: str | None = None
+        self._sums: Any = None
+
+    # Memory -----------------------------------------------------------------------------------------------------
+
+    def empty(self, shape: tuple[int, ...], dtype: DTypeLike) -> Any:
+        """Return a new array in GPU memory, its values arbitrary; raises EngineError where it does not fit."""
+        from numba import cuda
+
+        with self._errors(int(np.prod(shape)) * np.dtype(dtype).itemsize):
+            return cuda.device_array(shape, dtype)
+
+    def upload(self, host: NDArray[Any], there: Any) -> None:
+        """Copy an array to one of the same shape in GPU memory."""
+        with self._errors():
+            if host.size:
+                there.copy_to_device(host)
+
+    def download(self, there: Any, host: NDArray[Any]) -> None:
+        """Copy an array in GPU memory to one of the same shape here."""
+        with self._errors():
+            if host.size:
+                there.copy_to_host(host)
+
+    def free(self) -> int:
+        """Return the free GPU memory [bytes], with all given back that nothing refers to any more."""
+        from numba import cuda
+
+        with self._errors():
+            context = cuda.current_context()
+            context.deallocations.clear()
+            return int(context.get_memory_info().free)
+
+    def total(self, there: Any) -> float:
+        """Return the sum of an array of numbers in GPU memory; a few thousand partial sums are copied back."""
+        from numba import cuda
+
+        with self._errors():
+            if self._sums is None:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")
+                    kernel = strided_sums()[SUM_BLOCKS, SUM_THREADS]
+                self._sums = kernel, cuda.device_array(SUM_BLOCKS * SUM_THREADS)
+            kernel, sums = self._sums
+            kernel(there.reshape(there.size), sums)
+            return float(sums.copy_to_host().sum())
+
+    # Kernels ----------------------------------------------------------------------------------------------------
+
+    def kernel(self, text: Text, values: Sequence[Any], at_once: int) -> Launch:
+        """Return what launches a text on arguments like these (numbers, arrays in GPU memory) and waits for its end.
+
+        at_once: blocks that must fit on one multiprocessor. Compiled once per text and process; kept on disk. A
+        cooperative launch: all its blocks are on the GPU at the same time.
+        """
+        with self._errors():
+            kernel = compiled(text, at_once)
+            made = kernel.compile(tuple(kernel.typeof_pyval(value) for value in (1, *values)))
+            most = made.max_cooperative_grid_blocks(text.threads)
+        if most < 1:
+            raise EngineError(f"{self.gpu.name} cannot run the kernel: a block of {text.threads} threads is too large.")
+        with warnings.catch_warnings():  # that few blocks leave most of the GPU idle: small models are small
+            warnings.simplefilter("ignore")
+            configured = kernel[max(1, min(text.blocks, most)), text.threads]
+
+        def launch(steps: int, *values: Any) -> None:
+            from numba import cuda
+
+            with self._errors():
+                configured(steps, *values)
+                cuda.synchronize()
+
+        return launch
+
+    @contextmanager
+    def _errors(self, needed: int | None = None) -> Iterator[None]:
+        """Turn an error of the driver into an EngineError; needed: bytes asked for."""
+        if self.failed is not None:
+            raise EngineError(self.failed)
+        try:
+            yield
+        except Exception as error:
+            if not DRIVER_ERRORS & {kind.__name__ for kind in type(error).__mro__}:
+                raise
+            if "OUT_OF_MEMORY" in str(error):
+                raise out_of_memory(self.gpu, needed, self.free()) from error
+            what = " ".join(str(error).split())
+            self.failed = (
+                f"the GPU {self.gpu.name} has failed ({what}) and what it held is lost; the last record or checkpoint "
+                "written is valid. Start a new process to use the GPU again."
+            )
+            raise EngineError(self.failed) from error
+
+
+def compiled(text: Text, at_once: int = 1) -> Any:
+    """Return the kernel of a text as numba-cuda's dispatcher, which finds on disk what an earlier process compiled.
+
+    at_once: blocks that must fit on one multiprocessor, which bounds the registers of a thread. Link-time optimisation
+    is off: what runs is the code whose registers and spills are looked at without a GPU.
+    """
+    from numba import cuda
+
+    version = importlib.metadata.version("numba-cuda")
+    bounds = (text.threads, at_once)
+    key = hashlib.sha256(f"{fingerprint(cast(Any, text))} {version} {bounds}".encode()).hexdigest()[:24]
+    if key not in _KERNELS:
+        path = cache_folder() / f"pybondem_cuda_{key}.py"
+        if not path.exists():
+            with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False) as file:
+                file.write('"""Kernel of a step program; made by pybondem, may be deleted."""\n\n' + text.source)
+            os.replace(file.name, path)
+        kernel = kernel_of(text)  # Numba's cache keeps its files beside the one that a function says it is from
+        code = kernel.__code__.replace(co_filename=str(path))
+        own = FunctionType(code, kernel.__globals__, kernel.__name__)
+        _KERNELS[key] = cuda.jit(own, cache=True, lto=False, launch_bounds=bounds)  # without `own`, lto is lost
+    return _KERNELS[key]
+
+
+def out_of_memory(gpu: Gpu, needed: int | None, free: int) -> EngineError:
+    """Return what to raise where GPU memory does not suffice; needed: bytes asked for, free: bytes there are."""
+    asked = "more memory is" if needed is None else f"{needed:,} bytes are"
+    return EngineError(
+        f"the GPU {gpu.name} is full: {asked} needed and {free:,} bytes are free of {gpu.total:,}; the arrays of this "
+        "process are as they were. Take fewer particles, or engine='cpu'."
+    )
+
+
+def strided_sums() -> Any:
+    """Return a kernel in which each thread sums every so many-th of some numbers."""
+    from numba import cuda
+
+    def kernel(values: Any, sums: Any) -> None:
+        thread = cuda.grid(1)
+        total = 0.0
+        for k in range(thread, values.size, cuda.gridsize(1)):
+            total += values[k]
+        sums[thread] = total
+
+    return cuda.jit(kernel)

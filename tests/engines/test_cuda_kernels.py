@@ -1,0 +1,122 @@
+"""Every published law through NVIDIA's compiler as a whole kernel, without a GPU: registers, spills, double precision.
+
+Skips where the cuda extra is not installed. `pytest -s` prints what each kernel needs.
+"""
+
+import re
+import sys
+import types
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import pybondem as bd
+from pybondem.engines import cuda_compile
+from pybondem.engines.cuda_compile import argument_types, compile_kernel, kernel_of, missing
+from pybondem.engines.cuda_text import stage_text
+from pybondem.errors import EngineError
+
+MISSING = missing()
+needs_compiler = pytest.mark.skipif(MISSING is not None, reason=f"no compiler for GPUs: {MISSING}")
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+MOST_SPILLS = 32  # bytes; none at all depends on the toolkit
+FEW = ("elastic", "bilinear", "plastic_slip")  # no law, the simplest one, the one that needs most
+variants = pytest.mark.parametrize("variant", ["bonds", "half-bonds"])
+
+
+def some(laws: Any) -> list[Any]:
+    """Return laws as parameters of a test, all but a few of them marked as slow."""
+    return [law if law in FEW else pytest.param(law, marks=pytest.mark.slow) for law in laws]
+
+
+@pytest.fixture(scope="module")
+def gpu_compile() -> Any:
+    """The module that compiles kernels for the benchmarks."""
+    sys.path.insert(0, str(BENCHMARKS))
+    try:
+        import gpu_compile  # type: ignore[import-not-found]
+    finally:
+        sys.path.remove(str(BENCHMARKS))
+    assert isinstance(gpu_compile, types.ModuleType)
+    return gpu_compile
+
+
+@bd.damage_law(parameters={"peak": "m", "viscosity": "s"}, memory={"longest": "m"})
+def users(d, m, p, rate, dt):
+    """A law of a user, with words that are not plain arithmetic."""
+    longest = bd.maximum(m.longest, d.slip) + dt * rate.slip * bd.where(rate.opening > 0.0, 0.1, 0.0)
+    return 1.0 - bd.exp(-bd.power(longest / p.peak, 1.5)) / bd.sqrt(1.0 + p.viscosity * rate.slip / d.length), longest
+
+
+def hold_to_limits(found: Any) -> None:
+    """Hold what a kernel needs to what a multiprocessor has."""
+    if found.registers is None:
+        pytest.skip("ptxas was not found: registers and spills are not known")
+    assert found.registers * found.bounds[0] * found.bounds[1] <= 65536
+    assert found.spills <= MOST_SPILLS
+
+
+@needs_compiler
+@variants
+@pytest.mark.parametrize("law", some(["elastic", *bd.laws.__all__]))
+def test_a_cuda_kernel_with_each_law_fits_into_registers(gpu_compile, law, variant):
+    found = gpu_compile.needs(law, variant)
+    print("\n" + gpu_compile.line(found), end="")
+    hold_to_limits(found)
+
+
+@needs_compiler
+@variants
+@pytest.mark.parametrize("capability", [(8, 0), (10, 0)])
+@pytest.mark.parametrize("law", ["bilinear", pytest.param("plastic_slip", marks=pytest.mark.slow)])
+def test_a_cuda_kernel_fits_other_gpus(gpu_compile, law, variant, capability):
+    found = gpu_compile.needs(law, variant, capability)
+    print("\n" + gpu_compile.line(found), end="")
+    hold_to_limits(found)
+
+
+@needs_compiler
+@variants
+def test_a_cuda_kernel_with_a_users_law_is_one_cooperative_kernel_in_doubles(gpu_compile, variant):
+    text = gpu_compile.VARIANTS[variant](gpu_compile.program(users(peak=1e-5, viscosity=1e-3)))
+    made = compile_kernel(text)
+    assert made.ptx.count(".entry") == 1
+    assert made.ptx.count("cudaCGSynchronize") > 0
+    # Double precision throughout, but for the exponential, which looks at its argument's upper half as a float.
+    assert not re.search(r"\b(add|sub|mul|fma|div|sqrt|rcp|ex2|lg2)\.\S*f32", made.ptx)
+    barriers = len(re.findall(r"\bbar(rier)?\.(cta\.)?sync\b", made.ptx))
+    assert (barriers > 0) == (variant == "half-bonds")
+    shared = sum(int(n) for n in re.findall(r"\.shared .*\[(\d+)\]", made.ptx))
+    assert shared == (6 * 256 * 8 if variant == "half-bonds" else 0)
+    assert f".maxntid {text.threads}" in made.ptx
+    if made.spills is not None:
+        assert made.spills <= MOST_SPILLS
+
+
+@needs_compiler
+def test_a_cuda_kernel_of_each_program_compiles(gpu_compile):
+    """The energy book and the model's own stiffness, which have no start and no end of a step."""
+    from pybondem.assembly import assemble, energy_program, linear_program
+
+    model = bd.Model(bd.packing.line(3, spacing=1e-2, direction=(1, 2, 3), diameter=1e-2), density=2500.0)
+    model.bond([[0, 1], [1, 2]], bd.Bond(bd.parallel(E=1e9, stiffness_ratio=2.0)))
+    for program in (energy_program(assemble(model)), linear_program(assemble(model))):
+        made = compile_kernel(stage_text(program))
+        assert made.ptx.count(".entry") == 1
+        assert made.spills in (0, None)
+
+
+@needs_compiler
+def test_a_cuda_kernel_is_made_once(gpu_compile):
+    text = stage_text(gpu_compile.program(None))
+    again = stage_text(gpu_compile.program(None))
+    assert kernel_of(text) is kernel_of(again)
+    assert kernel_of(text) is not kernel_of(again._replace(threads=128))
+    assert len(list(argument_types(text))) == 1 + len(text.arguments) + len(text.private)
+
+
+def test_a_cuda_kernel_needs_the_extra(monkeypatch, gpu_compile):
+    monkeypatch.setattr(cuda_compile, "missing", lambda: "the cuda extra is not installed")
+    with pytest.raises(EngineError, match="cannot be compiled for a GPU: the cuda extra is not installed"):
+        compile_kernel(stage_text(gpu_compile.program(None)))

@@ -1,0 +1,117 @@
+"""Kernels up to the call that hands them to the driver, on a machine without one: compiled, linked, kept, launched.
+
+What asks for a device gets a stand-in, in a process of its own; numba-cuda does the rest as it would on an H100. Skips
+where the cuda extra is not installed.
+"""
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from pybondem.engines.cuda_compile import missing
+
+pytestmark = pytest.mark.skipif(missing() is not None, reason=f"no compiler for GPUs: {missing()}")
+
+STAND_IN = """
+import contextlib, ctypes
+from types import SimpleNamespace
+import numpy as np
+import pybondem as bd
+from pybondem.assembly import assemble, step_program
+from pybondem.engines import cuda, cuda_compile, cuda_launch
+from pybondem.engines.cuda_device import Gpu
+from pybondem.engines.cuda_text import stage_text
+import numba.cuda
+from numba.cuda import codegen, dispatcher
+from numba.cuda.cudadrv import devices, driver
+from numba.cuda.cudadrv.devicearray import DeviceNDArray
+
+h100 = SimpleNamespace(compute_capability=(9, 0), id=0, MULTIPROCESSOR_COUNT=132)
+context = SimpleNamespace(device=h100, get_active_blocks_per_multiprocessor=lambda function, threads, memory: 2)
+dispatcher.get_current_device = lambda: h100
+dispatcher.get_context = devices.get_context = lambda *_: context
+devices._runtime.ensure_context = contextlib.nullcontext
+dispatcher._Kernel.bind = lambda kernel: kernel._codelibrary.get_cubin()
+
+rod = bd.Model(bd.packing.hcp(1e-2, inside=bd.Cylinder(RADIUS, 0.1), axis="z"), density=2500.0)
+law = bd.strength(tension=5e6, shear=3e6)
+rod.bond(rod.touching(), bd.Bond(bd.parallel(E=1e9, stiffness_ratio=2.0), law, damping=0.1))
+done = assemble(rod)
+program = step_program(done, (0.0, 0.0, -9.81), None)
+"""
+
+KEEP = """
+text = stage_text(program)
+kernel = cuda_launch.compiled(text)
+made = kernel.compile(tuple(cuda_compile.argument_types(text)))
+print(sum(kernel._cache_hits.values()), sum(kernel._cache_misses.values()), made.cooperative)
+"""
+
+LAUNCH = """
+class Pointer:
+    device_ctypes_pointer = ctypes.c_void_p(4096)
+
+    def view(self, *_):
+        return self
+
+class Memory(cuda_launch.Device):
+    def empty(self, shape, dtype):
+        return DeviceNDArray(shape, np.empty(shape, dtype).strides, np.dtype(dtype), gpu_data=Pointer())
+
+    def free(self):
+        return 2**33
+
+    def upload(self, host, there):
+        assert host.shape == there.shape, (host.shape, there.shape)
+
+gpu = Gpu("H100", (9, 0), 2**33, 2**33, "580")
+cuda.usable, cuda.Device, numba.cuda.synchronize = lambda: gpu, Memory, lambda: None
+driver._to_core_stream = lambda stream: stream
+codegen.CUDACodeLibrary.get_cufunc = lambda self: SimpleNamespace(kernel=None, name="advance")
+dispatcher.LaunchConfig = lambda **given: given
+launches = []
+dispatcher.launch = lambda stream, config, kernel, *arguments: launches.append((config, arguments))
+engine = cuda.Cuda(VARIANT)
+runner = engine.prepare(program)
+for steps in (1, 2, 900, 5):
+    runner.advance(steps, 1e-7, done.tables.schedule(0, steps, 1e-7))
+for config, arguments in launches:
+    print(config["is_cooperative"], config["grid"][0], config["block"][0], arguments[0].value)
+print(runner._text.blocks, [len(kernel.overloads) for kernel in cuda_launch._KERNELS.values()])
+"""
+
+
+@pytest.fixture
+def said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[list[str]]]:
+    """said(script, values): the words of each line that a script prints after the stand-in, with a cache of its own."""
+    monkeypatch.setenv("PYBONDEM_CACHE", str(tmp_path))
+
+    def run(script: str, **values: object) -> list[list[str]]:
+        given = "".join(f"{name} = {value!r}\n" for name, value in values.items())
+        done = subprocess.run([sys.executable, "-c", given + STAND_IN + script], capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        assert not done.stderr
+        return [line.split() for line in done.stdout.splitlines()]
+
+    return run
+
+
+def test_a_compiled_kernel_is_found_on_disk_by_the_next_process(said):
+    assert [said(KEEP, RADIUS=6e-3) for _ in range(2)] == [[["0", "1", "True"]], [["1", "0", "True"]]]
+
+
+@pytest.mark.parametrize("variant", ["bonds", "half-bonds"])
+def test_one_cooperative_launch_for_any_number_of_steps_and_one_kernel_for_all(said, variant):
+    *launches, (blocks, *kernels) = said(LAUNCH, RADIUS=2e-2, VARIANT=variant)
+    assert launches == [["True", blocks, "256", steps] for steps in ("1", "2", "900", "5")]
+    assert 1 < int(blocks) < 264
+    assert kernels == ["[1]"]
+
+
+def test_no_more_blocks_are_launched_than_the_gpu_holds_at_once(said):
+    *launches, (blocks, *_) = said(LAUNCH, RADIUS=0.2, VARIANT="bonds")
+    assert int(blocks) > 264
+    assert {grid for _, grid, _, _ in launches} == {"264"}  # two on each of 132 multiprocessors
