@@ -7,7 +7,7 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any, NamedTuple
 
-from pybondem.ops import Number, Vector, absolute, dot, minimum, norm, normal_to, sqrt, where
+from pybondem.ops import Number, Vector, absolute, dot, maximum, minimum, norm, normal_to, sqrt, where
 from pybondem.physics import frame, joint
 from pybondem.physics.frame import component_rates, components, relative_motion
 from pybondem.physics.types import (
@@ -31,6 +31,7 @@ from pybondem.physics.types import (
 from pybondem.program import Numbers
 
 NOT_A_NUMBER = float("nan")
+ROUND_OFF = 1e-9  # by which a damage may miss 0 or 1
 NONE = Damage(0.0, 0.0, 0.0, 0.0)
 
 
@@ -113,17 +114,18 @@ def damage_answer(element: Element, law: LawFunction, words: int, flows: bool, h
     it was, and the energy lost says so.
     """
     stretch, load, rates = element.stretch, element.load, speeds(element) if flows else standstill
-    held, total, left = hold(words), sum_of(words), handed_over if hand_over else kept
+    held, total = hold(words), sum_of(words)
+    left, released = (handed_over, energy_of_closure) if hand_over else (kept, nothing)
 
     def damaging(rel: Relative, ref: Reference, state: Damaging, i: Motion, j: Motion,
                  dt: Number) -> tuple[Load, Damage, Numbers]:  # fmt: skip
         k, s = state.k, stretch(rel, ref)
         seen = felt(s, k, state.section, ref)
         now, memory = law(seen, k, state.memory, state.parameters, rates(rel, ref, i, j), dt)
-        sound = finite(now + total(memory))
+        sound = where(sane(now), finite(total(memory)), False)
         memory, now = held(sound, memory, state.memory), where(sound, now, state.damage)
         energy = energy_open_to_damage(s, k)
-        taken = (now - state.damage) * sqrt(state.potential * energy)
+        taken = (now - state.damage) * sqrt(state.potential * energy) + released(s, k, alike(state.damage), alike(now))
         damage, lost = alike(now), state.lost + where(sound, taken, NOT_A_NUMBER)
         return load(rel, ref, left(k, damage, s.opening)), damage, (now, energy, lost, *memory)
 
@@ -132,16 +134,25 @@ def damage_answer(element: Element, law: LawFunction, words: int, flows: bool, h
 
 @cache
 def damage_answer_of_modes(element: Element, law: LawFunction, words: int, flows: bool, hand_over: bool) -> Answer:
-    """Return the same for a law with one damage for each mode; written: the least of them in place of D, and all."""
+    """Return the same for a law with one damage for each mode.
+
+    Written: the larger of the normal and the shear damage in place of D (a bond that cannot be pulled, or not sheared,
+    counts as broken), and all four.
+    """
     stretch, load, rates = element.stretch, element.load, speeds(element) if flows else standstill
-    held, total, left = hold(words), sum_of(words), handed_over if hand_over else kept
+    held, total = hold(words), sum_of(words)
+    left, released = (handed_over, energy_of_closure) if hand_over else (kept, nothing)
 
     def damaging(rel: Relative, ref: Reference, state: Damaging, i: Motion, j: Motion,
                  dt: Number) -> tuple[Load, Damage, Numbers]:  # fmt: skip
         k, s, D, U = state.k, stretch(rel, ref), state.damage, state.potential
         seen = felt(s, k, state.section, ref)
         new, memory = law(seen, k, state.memory, state.parameters, rates(rel, ref, i, j), dt)
-        sound = finite(new.normal + new.shear + new.twist + new.bending + total(memory))
+        sane_n, sane_r = (
+            where(sane(new.normal), sane(new.shear), False),
+            where(sane(new.twist), sane(new.bending), False),
+        )
+        sound = where(where(sane_n, sane_r, False), finite(total(memory)), False)
         memory = held(sound, memory, state.memory)
         now = Damage(
             where(sound, new.normal, D[0]), where(sound, new.shear, D[1]),
@@ -150,9 +161,10 @@ def damage_answer_of_modes(element: Element, law: LawFunction, words: int, flows
         energy = energies_open_to_damage(s, k)
         taken = (now.normal - D[0]) * sqrt(U[0] * energy[0]) + (now.shear - D[1]) * sqrt(U[1] * energy[1])
         taken = taken + (now.twist - D[2]) * sqrt(U[2] * energy[2]) + (now.bending - D[3]) * sqrt(U[3] * energy[3])
+        taken = taken + released(s, k, Damage(D[0], D[1], D[2], D[3]), now)
         lost = state.lost + where(sound, taken, NOT_A_NUMBER)
         answer = load(rel, ref, left(k, now, s.opening))
-        return answer, now, (least(k, now), *now[:], *energy, lost, *memory)
+        return answer, now, (maximum(now.normal, now.shear), *now[:], *energy, lost, *memory)
 
     return damaging
 
@@ -250,6 +262,17 @@ def handed_over(k: Stiffness, damage: Damage, opening: Number) -> Stiffness:
     return Stiffness(where(least(k, damage) < 1.0, left.kn, 0.0), left.ks, left.kt, left.kb)
 
 
+def energy_of_closure(s: Stretch, k: Stiffness, before: Damage, now: Damage) -> Number:
+    """Return the energy [J] that goes with a closed bond when it is handed over: in the step where all of it fails."""
+    fails = where(least(k, before) < 1.0, where(least(k, now) < 1.0, 0.0, 1.0), 0.0)
+    return fails * where(s.opening < 0.0, 0.5 * k.kn * s.opening * s.opening, 0.0)
+
+
+def nothing(s: Stretch, k: Stiffness, before: Damage, now: Damage) -> Number:
+    """Return 0: a broken bond keeps what it holds when it is pressed together."""
+    return 0.0
+
+
 def least(k: Stiffness, damage: Damage) -> Number:
     """Return the least damage of the modes that the bond has: 1 once nothing is left."""
     normal, shear = where(k.kn > 0.0, damage.normal, 1.0), where(k.ks > 0.0, damage.shear, 1.0)
@@ -310,6 +333,11 @@ def its_damage(memory: Any) -> Number:
 def no_damage(memory: Any) -> Number:
     """Return 0, for a memory without that word."""
     return 0.0
+
+
+def sane(damage: Number) -> Any:
+    """Return whether a damage lies between 0 and 1 (but for round-off) and is a number."""
+    return absolute(damage - 0.5) <= 0.5 + ROUND_OFF
 
 
 def finite(a: Number) -> Any:

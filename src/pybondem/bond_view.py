@@ -7,12 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pybondem.assembly import Assembly
-from pybondem.bond_answers import felt
+from pybondem.bond_answers import felt, least
 from pybondem.engines.reference import on_arrays
 from pybondem.errors import InputError, LawError, UnstableError
 from pybondem.model import BondSet
 from pybondem.physics.frame import components, relative_pose
-from pybondem.physics.types import Pose, Reference, Section, Stiffness
+from pybondem.physics.types import Damage, Pose, Reference, Section, Stiffness
+from pybondem.state import Fields
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -67,9 +68,17 @@ def failed_pairs(state: Assembly) -> Ints:
     found = [np.empty((0, 2), np.int64)]
     for block in state.blocks:
         arrays = state.bonds[block.name]
-        failed = np.broadcast_to(np.asarray(arrays.get("damage", 0.0)) >= 1.0, block.count)
+        failed = np.broadcast_to(_least_damage(arrays) >= 1.0, block.count)
         found.append(np.sort(np.stack([state.order[arrays[end][failed]] for end in "ij"], axis=1), axis=1))
     return np.unique(np.concatenate(found), axis=0)
+
+
+def _least_damage(arrays: Fields) -> Any:
+    """Return the least damage of the modes that each bond of a block has: 1 once nothing is left of it."""
+    if "damages" not in arrays:
+        return np.asarray(arrays.get("damage", 0.0))
+    k = Stiffness(*(arrays[name] for name in ("kn", "ks", "kt", "kb")))
+    return on_arrays(least)(k, Damage(*arrays["damages"]))
 
 
 def refuse_values(state: Assembly, steps: tuple[int, int]) -> None:
@@ -91,7 +100,10 @@ def refuse_values(state: Assembly, steps: tuple[int, int]) -> None:
                 f"the motion has blown up {when}: the bond between particles {i} and {j} is {1.0 + opening:.3g} times "
                 f"as long as at first, and {count - 1} others are no better; lower dt."
             )
-        raise LawError(f"{_which(state, number, k)} gave a value that is not finite {when} ({count} bonds in all).")
+        raise LawError(
+            f"{_which(state, number, k)} gave a damage outside 0 to 1, or a value that is "
+            f"not finite, {when} ({count} bonds in all)."
+        )
 
 
 def _opening(seen: dict[str, Any], k: int) -> float:
@@ -108,7 +120,7 @@ def _which(state: Assembly, number: int, k: int) -> str:
     own = {name[2:]: value for name, value in arrays.items() if name[:2] in ("p_", "m_")}
     values = {name: np.broadcast_to(value, len(arrays["i"])) for name, value in (_seen(state, number) | own).items()}
     said = ", ".join(f"{name} = {value[k]:.4g}" for name, value in values.items())
-    return f"the law {law.name} of the bond between particles {i} and {j}, at {said},"
+    return f"the law {law.name} of the bond between particles {i} and {j}, now at {said},"
 
 
 def _seen(state: Assembly, number: int) -> dict[str, Any]:

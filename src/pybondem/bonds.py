@@ -54,7 +54,7 @@ class Declared(Protocol):
         """Draw what the law with these values answers to driven paths."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ValuedLaw:
     """A law with its values, ready for a Bond or a Joint.
 
@@ -76,6 +76,17 @@ class ValuedLaw:
     potential: PotentialFunction | None
     stiffness: float | None
     declared: Declared
+
+    def __repr__(self) -> str:
+        values = [
+            f"{n}={v:g}" if np.ndim(v) == 0 and not hasattr(v, "values") else f"{n}=..." for n, v in self._given()
+        ]
+        return f"{self.name}({', '.join(values)})"
+
+    def _given(self) -> list[tuple[str, Any]]:
+        """Return names and values of the parameters, and of the stiffness for joints where there is one."""
+        stiffness = [] if self.stiffness is None else [("stiffness", self.stiffness)]
+        return [*self.parameters._asdict().items(), *stiffness]
 
     def check(self, quiet: bool = False) -> Any:
         """Try the law with these values on every engine; print and return what was found."""
@@ -104,7 +115,7 @@ class Bond:
         if not isinstance(self.elastic, Elastic):
             raise InputError(f"Bond needs an elastic form (parallel, timoshenko, springs ...), got {self.elastic!r}.")
         if self.law is not None:
-            _check_law("Bond", self.law)
+            _check_law("Bond", self.law, self.hand_over)
             if self.law.stiffness is not None:
                 raise InputError("the law of Bond brings a stiffness per area, which is for Joint; leave it out.")
         nonnegative("damping of Bond", self.damping, "1")
@@ -124,7 +135,7 @@ class Joint:
     hand_over: bool = False
 
     def __post_init__(self) -> None:
-        _check_law("Joint", self.law)
+        _check_law("Joint", self.law, self.hand_over)
         if self.law.stiffness is None:
             raise InputError("Joint needs a law with a stiffness per area, for example bilinear(stiffness=6e7, ...).")
         if self.normal_stiffness is not None:
@@ -177,8 +188,11 @@ def springs(
     return Elastic(lambda r, length: values, _ratio(radius_ratio))
 
 
-def _check_law(what: str, law: Any) -> None:
-    if not isinstance(law, ValuedLaw):
+def _check_law(what: str, law: Any, hand_over: bool) -> None:
+    if isinstance(law, ValuedLaw):
+        if hand_over and law.kind == "bond":
+            raise InputError(f"{law.name} is a bond law, which answers for a failed bond itself; leave hand_over out.")
+    else:
         if hasattr(law, "check_values"):
             raise InputError(f"the law of {what} is {law.name} without values; give it values: {law.name}(...).")
         raise InputError(f"the law of {what} is {law!r}; give a law with its values, such as strength(...).")

@@ -25,13 +25,15 @@ def where(condition: Any, a: Number, b: Number) -> Number:
 
 
 def minimum(a: Number, b: Number) -> Number:
-    """Return the smaller of two numbers."""
-    return a if a < b else b
+    """Return the smaller of two numbers, nan where one is."""
+    smaller = b if b <= a else a + b
+    return a if a < b else smaller
 
 
 def maximum(a: Number, b: Number) -> Number:
-    """Return the larger of two numbers."""
-    return a if a > b else b
+    """Return the larger of two numbers, nan where one is."""
+    larger = b if b >= a else a + b
+    return a if a > b else larger
 
 
 def absolute(a: Number) -> Number:

@@ -58,7 +58,7 @@ BOND_FIELDS = (
     Field("modulus", 1, np.float64, "m3", "bending modulus I/Rb of the cross-section"),
     Field("power", 1, np.float64, "W", "power that the dashpots of the bond take"),
     Field("damped", 1, np.float64, "J", "energy that the dashpots of the bond have taken"),
-    Field("damage", 1, np.float64, "-", "damage D, 0 whole to 1 broken; the least of the modes where each has its own"),
+    Field("damage", 1, np.float64, "-", "damage D, 0 whole to 1 broken; of modes: normal or shear, the larger"),
     Field("damages", 4, np.float64, "-", "damage of each mode: normal, shear, twist, bending"),
     Field("potential", 1, np.float64, "J", "energy open to damage, as if undamaged; energy stored under a bond law"),
     Field("potentials", 4, np.float64, "J", "energy open to damage of each mode, as if undamaged"),

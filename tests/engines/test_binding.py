@@ -116,7 +116,8 @@ def within(function, seen):
 
 
 def test_no_word_of_plain_python_is_left_in_a_bound_body():
-    assert set(CPU_WORDS) <= set(WORDS)
+    numpys = {word for word in CPU_WORDS if getattr(np, word.__name__, None) is word}  # which arrays know themselves
+    assert set(CPU_WORDS) - numpys <= set(WORDS)
     for body in bodies():
         bound = on_arrays(body)
         assert bound.__code__ is body.__code__

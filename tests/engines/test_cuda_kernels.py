@@ -21,7 +21,11 @@ MISSING = missing()
 needs_compiler = pytest.mark.skipif(MISSING is not None, reason=f"no compiler for GPUs: {MISSING}")
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 MOST_SPILLS = 32  # bytes; none at all depends on the toolkit
-FEW = ("elastic", "bilinear", "plastic_slip")  # no law, the simplest one, the one that needs most
+MORE_SPILLS = {
+    ("plastic_slip", "10.0"): 256,
+    ("thermal", "10.0"): 256,
+}  # bond laws, which keep six loads and components
+FEW = ("elastic", "plastic_slip")  # no law, and the one that needs most
 variants = pytest.mark.parametrize("variant", ["bonds", "half-bonds"])
 
 
@@ -54,14 +58,14 @@ def hold_to_limits(found: Any) -> None:
     if found.registers is None:
         pytest.skip("ptxas was not found: registers and spills are not known")
     assert found.registers * found.bounds[0] * found.bounds[1] <= 65536
-    assert found.spills <= MOST_SPILLS
+    assert found.spills <= MORE_SPILLS.get((found.law, found.capability), MOST_SPILLS)
 
 
 @needs_compiler
 @variants
 @pytest.mark.parametrize("law", some(["elastic", *bd.laws.__all__]))
 def test_a_cuda_kernel_with_each_law_fits_into_registers(gpu_compile, law, variant):
-    found = gpu_compile.needs(law, variant)
+    found = gpu_compile.needs(law, variant, most=1)
     print("\n" + gpu_compile.line(found), end="")
     hold_to_limits(found)
 
@@ -69,9 +73,9 @@ def test_a_cuda_kernel_with_each_law_fits_into_registers(gpu_compile, law, varia
 @needs_compiler
 @variants
 @pytest.mark.parametrize("capability", [(8, 0), (10, 0)])
-@pytest.mark.parametrize("law", ["bilinear", pytest.param("plastic_slip", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("law", [pytest.param("bilinear", marks=pytest.mark.slow), "plastic_slip"])
 def test_a_cuda_kernel_fits_other_gpus(gpu_compile, law, variant, capability):
-    found = gpu_compile.needs(law, variant, capability)
+    found = gpu_compile.needs(law, variant, capability, most=1)
     print("\n" + gpu_compile.line(found), end="")
     hold_to_limits(found)
 
@@ -85,8 +89,8 @@ def test_a_cuda_kernel_with_a_users_law_is_one_cooperative_kernel_in_doubles(gpu
     assert made.ptx.count("cudaCGSynchronize") > 0
     # Double precision throughout, but for the exponential, which looks at its argument's upper half as a float.
     assert not re.search(r"\b(add|sub|mul|fma|div|sqrt|rcp|ex2|lg2)\.\S*f32", made.ptx)
-    barriers = len(re.findall(r"\bbar(rier)?\.(cta\.)?sync\b", made.ptx))
-    assert (barriers > 0) == (variant == "half-bonds")
+    # A copy of the loop over half-bonds might be contracted in another way, and both sides of a bond then not agree.
+    assert len(re.findall(r"\bbar(rier)?\.(cta\.)?sync\b", made.ptx)) == (2 if variant == "half-bonds" else 0)
     shared = sum(int(n) for n in re.findall(r"\.shared .*\[(\d+)\]", made.ptx))
     assert shared == (6 * 256 * 8 if variant == "half-bonds" else 0)
     assert f".maxntid {text.threads}" in made.ptx

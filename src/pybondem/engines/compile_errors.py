@@ -6,13 +6,13 @@ Works on the exception alone: Numba's messages, its types and its traceback, on 
 import dis
 import linecache
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from traceback import walk_tb
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, NamedTuple
 
-from pybondem.engines.binding import globals_of, names_of, parts_of
+from pybondem.engines.binding import codes_of, globals_of, names_of, parts_of
 
 PACKAGE = Path(__file__).parents[1]
 PLACES = re.compile(
@@ -52,6 +52,8 @@ UNDEFINED = re.compile(r"NameError: (?:global )?name '(\w+)' is not defined")
 FROM_OUTSIDE = r"\1 is a \2 from outside; only numbers, tuples and functions can be used from there"
 REASONS: tuple[tuple[re.Pattern[str], str], ...] = (  # the first that is found in a message speaks for it
     (re.compile(r"exception_match|set_try_status"), "it cannot hold try and except"),
+    (re.compile(r"Can't unify return type"), "its branches return different things"),
+    (re.compile(r"'NoneType' object has no attribute 'args'"), "one of its branches returns nothing"),
     (re.compile(r"has no attribute 'build_map'"), "it cannot hold a dict; use a named tuple"),
     (re.compile(r"has no attribute 'build_set'"), "it cannot hold a set; use a tuple"),
     (re.compile(r"format spec|f-string"), "it cannot format text"),
@@ -107,6 +109,22 @@ def explain(error: Exception, function: Callable[..., Any]) -> str:
     else:
         reason, place = _reason(error), _place(error, functions)
     return f"{function.__name__} cannot be compiled: {reason} ({located(place)})."
+
+
+def stopped(error: Exception, users: Iterable[Callable[..., Any]]) -> str | None:
+    """Return one sentence on why a user's function stopped while it ran, with its line; None where none of them did."""
+    frames = list(walk_tb(error.__traceback__))
+    for function in users:
+        codes = set(codes_of(function.__code__))
+        lines = [line for frame, line in frames if frame.f_code in codes]
+        if lines:
+            place = located(Place(function.__code__.co_filename, lines[-1]))
+            return f"the law {function.__name__} stops with {type(error).__name__}: {error} ({place})."
+    inside = any(frame.f_code.co_name in ("remembering", "forgetful", "looped") for frame, _ in frames)
+    for function in users:
+        if inside or (isinstance(error, ValueError) and "values" in str(error)):
+            return f"the law {function.__name__} does not return the same in all its branches: damage and its memory."
+    return None
 
 
 def located(place: Place) -> str:
@@ -208,7 +226,7 @@ def _used(function: FunctionType) -> dict[str, FunctionType]:
         except ValueError:  # not assigned yet
             continue
     names = names_of(function.__code__)
-    parts = [parts_of(value, names) for value in values.values() if isinstance(value, ModuleType)]
+    parts = [parts_of(value, names, {}) for value in values.values() if isinstance(value, ModuleType)]
     named = [*values.items(), *(item for part in parts for item in part.items())]
     return {name: value for name, value in named if isinstance(value, FunctionType)}
 

@@ -45,9 +45,21 @@ def inlined(function: FunctionType) -> Any:
     return numba.njit(forceinline=True, error_model="numpy")(function)
 
 
-WORDS: dict[Any, Any] = {ops.sqrt: np.sqrt, math.pow: bind(cpu_words.power, {}, inlined, _BOUND)}
+WORDS: dict[Any, Any] = {
+    word: bind(ours, {}, inlined, _BOUND)
+    for word, ours in ((max, cpu_words.largest), (min, cpu_words.smallest), (np.clip, cpu_words.clip))
+}
 for word in ("exp", "log", "power"):
     WORDS[getattr(ops, word)] = bind(getattr(cpu_words, word), {}, inlined, _BOUND)
+WORDS |= {
+    ops.sqrt: np.sqrt,
+    math.pow: WORDS[ops.power],
+    np.power: WORDS[ops.power],
+    np.exp: WORDS[ops.exp],
+    np.log: WORDS[ops.log],
+}
+NUMPYS: dict[Any, Any] = {np.where: ops.where, np.maximum: ops.maximum, np.minimum: ops.minimum, np.abs: ops.absolute}
+WORDS |= {numpys: bind(ours, {}, inlined, _BOUND) for numpys, ours in NUMPYS.items()}
 
 
 def physical_cores() -> int:
@@ -136,7 +148,7 @@ def _code_of(value: Any, seen: list[Any]) -> bytes:
     else:
         values = [*globals_of(value).values(), *(cell.cell_contents for cell in value.__closure__ or ())]
         names = names_of(value.__code__)
-        parts = [part for v in values if isinstance(v, ModuleType) for part in parts_of(v, names).values()]
+        parts = [part for v in values if isinstance(v, ModuleType) for part in parts_of(v, names, {}).values()]
         used = (value.__code__, value.__defaults__, value.__kwdefaults__, *values, *parts)
     return b"\n".join(_code_of(v, seen) for v in used)
 
@@ -171,7 +183,8 @@ def refuse_laws(program: Program) -> None:
         try:
             bind(law.function, WORDS, inlined, _BOUND)(*numbers)
         except Exception as error:
-            raise LawError(f"{explain(error, law.user)} The engines reference and interpreted run it.") from None
+            said = f"{explain(error, law.user)} The engines reference and interpreted compile nothing."
+            raise LawError(said) from None
 
 
 class CpuRunner:

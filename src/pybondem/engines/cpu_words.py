@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from pybondem.ops import maximum, minimum
+
 LOG2_E = 1.4426950408889634
 LN2_HIGH, LN2_LOW = 0.6931471803691238, 1.9082149292705877e-10  # the first has 20 bits to spare
 SHIFTER = 6755399441055744.0  # 1.5 * 2^52: what is added to it ends up as a whole number in the lowest bits
@@ -62,3 +64,18 @@ def power(a: Any, b: Any) -> Any:
     """Return a^b for a >= 0, to |b log a| units in the last place."""
     value = exp(b * log(a))
     return 1.0 if b == 0.0 else value
+
+
+def clip(a: Any, low: Any, high: Any) -> Any:
+    """Return a kept between two limits."""
+    return minimum(maximum(a, low), high)
+
+
+def largest(a: Any, b: Any, c: Any = -np.inf, d: Any = -np.inf) -> Any:
+    """Return the largest of two to four numbers, nan where one is: what `max` of Python means in a law."""
+    return maximum(maximum(a, b), maximum(c, d))
+
+
+def smallest(a: Any, b: Any, c: Any = np.inf, d: Any = np.inf) -> Any:
+    """Return the smallest of two to four numbers, nan where one is: what `min` of Python means in a law."""
+    return minimum(minimum(a, b), minimum(c, d))

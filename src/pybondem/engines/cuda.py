@@ -128,7 +128,7 @@ def refuse_laws(program: Program, capability: Capability) -> None:
             compile_for_gpu(law.function, law.types, capability)
         except EngineError as error:
             said = explain(error.__context__, law.user) if isinstance(error.__context__, Exception) else str(error)
-            raise LawError(f"{said} The engines reference and interpreted run it.") from None
+            raise LawError(f"{said} The engines reference and interpreted compile nothing.") from None
 
 
 class Cuda:

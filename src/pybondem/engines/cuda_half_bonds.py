@@ -63,7 +63,7 @@ class HalfBondPhases(Phases):
     """Phases of the variant "half-bonds".
 
     What bonds see of particles is packed into seen[2, n, width]: a step reads one half and writes the other. own: for
-    each set of bonds the fields that its bonds change and read again, which are kept once for each half-bond.
+    each set of bonds the fields that its bonds change and read again, which are kept once for each half-bond, in rows.
     """
 
     def __init__(self, program: Program) -> None:
@@ -72,9 +72,8 @@ class HalfBondPhases(Phases):
         for field in seen_by(self.cycle.bonds):
             first = sum(len(taken) for taken in self.columns.values())
             self.columns[field] = list(range(first, first + len(self.locals(field))))
-        self.own = {stage.over: _changing(stage) for _, stage in self.cycle.bonds}
-        own = [f"own_{block}_{name}" for block, names in self.own.items() for name in names]
-        self.extra = ["owners", "half_start", "chunks", *THEIRS, *SETS, "seen", *own]
+        self.own = {stage.over: self._changing(stage) for _, stage in self.cycle.bonds}
+        self.extra = ["owners", "half_start", "chunks", *THEIRS, *SETS, "seen", *(f"own_{block}" for block in self.own)]
 
     # Particles --------------------------------------------------------------------------------------------------
 
@@ -175,9 +174,16 @@ class HalfBondPhases(Phases):
 
     def _places(self, block: str, field: str) -> list[str]:
         """Return where a half-bond keeps the components of a field that its bond changes."""
-        shape = self.look.program.bonds[block][field].shape
-        rows = [""] if len(shape) == 1 else [f"{c}, " for c in range(shape[0])]
-        return [f"own_{block}_{field}[{row}u]" for row in rows]
+        return [f"own_{block}[{row}, u]" for row in self.own[block][field]]
+
+    def _changing(self, stage: Stage) -> dict[str, list[int]]:
+        """Return the rows for the components of each field that bonds of a stage change and read again."""
+        rows: dict[str, list[int]] = {}
+        for name in fields_of(stage.reads):
+            if name in stage.writes:
+                value, first = self.look.program.bonds[stage.over][name], sum(len(r) for r in rows.values())
+                rows[name] = list(range(first, first + (value.shape[0] if value.ndim == 2 else 1)))
+        return rows
 
     # Arrays -----------------------------------------------------------------------------------------------------
 
@@ -192,13 +198,8 @@ class HalfBondPhases(Phases):
         private = {name: Private(indices[name].shape, np.uint32, indices[name]) for name in needed}
         width = sum(len(taken) for taken in self.columns.values())
         private["seen"] = Private((2, len(program.shared["first"]) - 1, -(-width // SECTOR) * SECTOR), np.float64)
-        for block, names in self.own.items():
-            for name in names:
-                *rows, count = bonds[block][name].shape
-                private[f"own_{block}_{name}"] = Private((*rows, 2 * count), np.float64)
+        for block, fields in self.own.items():
+            if fields:
+                rows = sum(len(r) for r in fields.values())
+                private[f"own_{block}"] = Private((rows, 2 * len(bonds[block]["i"])), np.float64)
         return private
-
-
-def _changing(stage: Stage) -> list[str]:
-    """Return the fields that bonds of a stage change and read again."""
-    return [name for name in fields_of(stage.reads) if name in stage.writes]

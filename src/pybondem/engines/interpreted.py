@@ -3,9 +3,9 @@
 The baseline that the PyBONDEM-GPU paper calls NumPy, and a place to set a breakpoint.
 """
 
-import traceback
 from typing import Any
 
+from pybondem.engines.compile_errors import stopped
 from pybondem.engines.lookups import INDEX_WORDS
 from pybondem.engines.loops import Loops
 from pybondem.errors import LawError
@@ -26,18 +26,11 @@ class InterpretedRunner:
         """Run the program's stages `steps` times, dt [s] apart."""
         try:
             self._advance(steps, *self._loops.values(dt, schedule))
-        except (ArithmeticError, ValueError) as error:
-            raise self._refused(error) from error
-
-    def _refused(self, error: Exception) -> Exception:
-        """Return what to raise for what numbers of plain Python refuse, and other engines take for nan or inf."""
-        frames = traceback.extract_tb(error.__traceback__)
-        for law in self._loops.program.laws:
-            lines = [f for f in frames if f.filename == law.user.__code__.co_filename and f.name == law.user.__name__]
-            if lines:
-                where = f"line {lines[-1].lineno}: {lines[-1].line}"
-                return LawError(f"the law {law.user.__name__} fails ({where}): {type(error).__name__}: {error}.")
-        return error
+        except Exception as error:  # a law is a user's function, and numbers of plain Python refuse what others take
+            said = stopped(error, [law.user for law in self._loops.program.laws])
+            if said is None:
+                raise
+            raise LawError(said) from error
 
 
 class Interpreted:

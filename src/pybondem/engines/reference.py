@@ -9,7 +9,9 @@ import numpy as np
 
 from pybondem import ops
 from pybondem.engines.binding import bind
+from pybondem.engines.compile_errors import stopped
 from pybondem.engines.lookups import GROUP, SCHEDULED
+from pybondem.errors import LawError
 from pybondem.program import Program, Stage
 from pybondem.state import CHORD, Arrays
 
@@ -65,6 +67,8 @@ def one_by_one(function: Callable[..., Any]) -> Callable[..., Any]:
         rows: list[Any] = list(zip(*columns, strict=True))
         found = [function(*_grouped(given, row)) for row in rows or [np.ones(len(columns))]]
         answers, memories = zip(*found, strict=True)
+        if any(len(memory) != vars(function)["words"] for memory in memories):
+            raise ValueError("a surplus of values")
         kind, many = type(answers[0]), slice(len(rows))
         alone = not issubclass(kind, tuple)
         answer = np.array(answers)[many] if alone else kind(*(np.array(c)[many] for c in zip(*answers, strict=True)))
@@ -96,7 +100,17 @@ class ReferenceRunner:
                     if body is None:
                         self._gather()
                     else:
-                        self._write(stage, body(*(self._read(stage, name, rows) for name in stage.reads)))
+                        self._run(stage, body, rows)
+
+    def _run(self, stage: Stage, body: Callable[..., Any], rows: dict[str, Any]) -> None:
+        """Evaluate one stage on all its items; raises LawError where a law stops."""
+        try:
+            self._write(stage, body(*(self._read(stage, name, rows) for name in stage.reads)))
+        except Exception as error:
+            said = stopped(error, [law.user for law in self._program.laws])
+            if said is None:
+                raise
+            raise LawError(said) from error
 
     def _read(self, stage: Stage, name: Any, rows: dict[str, Any]) -> Any:
         """Return one argument of a body: a number, an array, a tuple of arrays, or a named tuple of these."""

@@ -22,13 +22,15 @@ from numpy.typing import ArrayLike
 
 from pybondem.bonds import ValuedLaw
 from pybondem.check import positive
+from pybondem.errors import LawError
 from pybondem.laws.check import check_law
 from pybondem.laws.findings import Report
-from pybondem.laws.parameters import Needs, Parameter, check_values, declared, given
+from pybondem.laws.parameters import Needs, Parameter, check_values, declared, given, remembered
 from pybondem.laws.plot import plot_law
 from pybondem.laws.reading import Reading, read_function, sample
 
 Function = Callable[..., Any]
+MODES = ("opening", "slip")
 
 
 class Law:
@@ -45,12 +47,19 @@ class Law:
         self.name: str = getattr(user, "__name__", repr(user))
         self.user, self.kind, self.needs, self.toughness, self.potential = user, kind, needs, toughness, potential
         self.parameters: Mapping[str, Any] = declared(self.name, parameters)
-        self.memory: Mapping[str, str] = dict(memory)
+        self.memory: Mapping[str, str] = remembered(self.name, memory)
+        self._check_toughness()
         self.__doc__ = user.__doc__
         self._values: Any = namedtuple("Parameters", self.parameters)  # type: ignore[misc]
         self._words: Any = namedtuple("Memory", self.memory)  # type: ignore[misc]
         typical = self._values(**{name: sample(p) for name, p in self.parameters.items()})
         self._read: Reading = read_function(self.name, user, kind, typical, self._words, potential)
+
+    def _check_toughness(self) -> None:
+        """Raise LawError where the declared toughness is of no mode, or cannot be evaluated."""
+        for mode in self.toughness:
+            if mode not in MODES:
+                raise LawError(f"the toughness of {self.name} is declared in {mode!r}; it must be in {MODES}.")
 
     def __repr__(self) -> str:
         lines = [f"{self.name}({', '.join(self.parameters)}): a {self.kind} law"]

@@ -1,5 +1,6 @@
 """The parameters of a law: their declaration, and the values that a user gives them."""
 
+import keyword
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
@@ -9,6 +10,7 @@ from numpy.typing import ArrayLike
 from pybondem.bonds import Value
 from pybondem.check import finite_array, finite_number, nearest
 from pybondem.errors import InputError, LawError
+from pybondem.laws.units import dimension, scale
 from pybondem.scatter import Scatter
 
 
@@ -50,13 +52,45 @@ Needs = Mapping[str, Callable[[Any], Any]]
 
 def declared(law: str, parameters: Mapping[str, str | Parameter]) -> dict[str, Parameter]:
     """Return the parameters of a law, declared by their unit or in full. Raises LawError for names it cannot have."""
-    found = {name: Parameter(p) if isinstance(p, str) else p for name, p in dict(parameters).items()}
+    _check_words(law, "parameters", parameters)
+    found = {name: Parameter(p) if isinstance(p, str) else p for name, p in parameters.items()}
     for name, parameter in found.items():
         if not isinstance(parameter, Parameter):
             raise LawError(f"parameter {name!r} of {law} is {parameter!r}; give its unit ('Pa') or a Parameter.")
         if name == "stiffness":
             raise LawError(f"{law} cannot have a parameter named 'stiffness': a Joint takes that of every law.")
+        check_unit(f"parameter {name!r} of {law}", parameter.unit)
     return found
+
+
+def remembered(law: str, memory: Mapping[str, str]) -> dict[str, str]:
+    """Return the words of a law's memory with their units. Raises LawError for names and units it cannot have."""
+    _check_words(law, "memory", memory)
+    for word, unit in memory.items():
+        check_unit(f"memory {word!r} of {law}", unit)
+    return dict(memory)
+
+
+def _check_words(law: str, what: str, words: Any) -> None:
+    if not isinstance(words, Mapping):
+        raise LawError(f"the {what} of {law} are {words!r}; give names and units, such as {{'rate': '1/m'}}.")
+    for name in words:
+        if not isinstance(name, str) or not name.isidentifier() or keyword.iskeyword(name) or name.startswith("_"):
+            raise LawError(f"{name!r} cannot be a name among the {what} of {law}; take letters, as in 'strength'.")
+
+
+def check_unit(what: str, unit: Any) -> None:
+    """Raise LawError for a unit that is not known, or not one of the SI without a prefix: values are not converted."""
+    if not isinstance(unit, str):
+        raise LawError(f"{what} has the unit {unit!r}; give it in words, such as 'Pa', '1/m', '-'.")
+    try:
+        dimension(unit)
+    except InputError as error:
+        raise LawError(f"{what}: {error}") from None
+    if scale(unit) != 1.0:
+        raise LawError(
+            f"{what} is declared in {unit!r}, but values are not converted; declare an SI unit without prefix."
+        )
 
 
 def given(

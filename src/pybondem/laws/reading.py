@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pybondem.check import nearest
-from pybondem.engines.binding import globals_of
-from pybondem.engines.reference import on_arrays
+from pybondem.engines.binding import frozen, globals_of
+from pybondem.engines.reference import WORDS, on_arrays
 from pybondem.errors import LawError
 from pybondem.laws.parameters import Parameter
 from pybondem.physics.types import (
@@ -80,19 +80,22 @@ def read_function(name: str, user: Function, kind: str, values: Any, words: Any,
     """
     named = _arguments(name, user, NAMES[kind], kind)
     _refuse_effects(name, user)
+    own = _frozen(name, user)
     nothing = words(*(0.0 for _ in words._fields))
     given = {**SAMPLES[kind], "k": Stiffness(1e6, 1e6, 1.0, 1.0), "m": nothing, "p": values, "dt": 1e-6}
-    modes = _returned(name, user, kind, words, _called(name, user, named, given))
-    function = _with_all(_split(user, bool(words._fields)), named)
+    _check_names(name, user, named, given)
+    modes = _returned(name, user, kind, words, _called(name, own, named, given))
+    function = _with_all(_split(own, bool(words._fields)), named)
     energy = None
     if potential is not None:
         of = f"the potential of {name}"
         arguments = _arguments(of, potential, ("d", "k", "m", "p"), kind)
-        _called(of, potential, arguments, given)
-        energy = _with_all(potential, (*arguments, "rate", "dt"))
-    branches = _branches(user, named, given)
+        held = _frozen(of, potential)
+        _called(of, held, arguments, given)
+        energy = _with_all(held, (*arguments, "rate", "dt"))
+    branches = _branches(own, named, given)
     function.__name__ = name
-    vars(function)["branches"] = branches  # the reference engine asks
+    vars(function).update(branches=branches, words=len(words._fields))  # the reference engine asks
     return Reading(function, modes, bool(FLOWS & set(named)), branches, energy)
 
 
@@ -133,8 +136,41 @@ def _arguments(name: str, user: Function, allowed: tuple[str, ...], kind: str) -
     return found
 
 
-def _refuse_effects(name: str, user: Function) -> None:
-    """Raise LawError where a function changes something, or uses what others may change."""
+def _frozen(name: str, user: Function) -> Function:
+    """Return a copy of a law that later changes of what it uses do not reach, so that all engines run the same."""
+    try:
+        copy: Function = frozen(user, WORDS)
+    except ValueError as error:  # an empty cell
+        raise LawError(
+            f"{name} ({_where(user)}) uses a name from outside that has no value yet; define it first."
+        ) from error
+    except RecursionError as error:
+        raise LawError(f"{name} ({_where(user)}) calls itself, or a function that does; a law cannot.") from error
+    return copy
+
+
+def _check_names(name: str, user: Function, named: tuple[str, ...], given: dict[str, Any]) -> None:
+    """Raise LawError for a name that d, m, p ... do not have, in any branch of a law."""
+    before = ""
+    for step in dis.get_instructions(user):
+        if step.opname == "LOAD_ATTR" and before in named and isinstance(given[before], tuple):
+            there = given[before]._fields
+            if step.argval not in there:
+                line = step.positions.lineno if step.positions else None
+                raise LawError(
+                    f"{name} reads {before}.{step.argval} ({_at(user, line)}); there is no such name"
+                    f"{nearest(step.argval, there)}: {before} has {', '.join(there) or 'nothing declared'}."
+                )
+        loaded = step.argval[-1] if isinstance(step.argval, tuple) else step.argval
+        before = loaded if step.opname.startswith("LOAD_FAST") else ""
+
+
+def _refuse_effects(name: str, user: Function, seen: tuple[Function, ...] = ()) -> None:
+    """Raise LawError where a law, or a function that it calls, changes something, or uses what others may change."""
+    for value in globals_of(user).values():
+        mine = inspect.isfunction(value) and not (value.__module__ or "").startswith("pybondem.")
+        if mine and value not in (user, *seen):
+            _refuse_effects(f"{name}, which calls {value.__name__},", value, (*seen, user))
     for step in dis.get_instructions(user):
         if step.opname in EFFECTS:
             line = step.positions.lineno if step.positions else None
@@ -142,8 +178,8 @@ def _refuse_effects(name: str, user: Function) -> None:
                 f"{name} ({_at(user, line)}) writes into something; a law makes new numbers and changes nothing, so "
                 "that it can run on any engine and for all bonds at once."
             )
-    cells = zip(user.__code__.co_freevars, (c.cell_contents for c in user.__closure__ or ()), strict=True)
-    for word, value in (*globals_of(user).items(), *cells):
+    cells = inspect.getclosurevars(user).nonlocals if inspect.isfunction(user) else {}
+    for word, value in {**globals_of(user), **cells}.items():
         if isinstance(value, list | dict | set):
             raise LawError(
                 f"{name} ({_where(user)}) uses {word}, a {type(value).__name__} from outside, which may change; give "
@@ -157,15 +193,6 @@ def _called(name: str, user: Function, named: tuple[str, ...], given: dict[str, 
         with np.errstate(all="ignore"):
             numbers = [_as(np.float64, given[argument]) for argument in named]
             return on_arrays(user)(*numbers)
-    except AttributeError as error:
-        argument = next((a for a in named if given[a] is error.obj or type(given[a]) is type(error.obj)), None)
-        if argument is None:
-            raise LawError(f"{name} fails {_line(user, error)}: {error}.") from error
-        there = given[argument]._fields
-        raise LawError(
-            f"{name} reads {argument}.{error.name} {_line(user, error)}; there is no such name"
-            f"{nearest(error.name, there)}: {argument} has {', '.join(there) or 'nothing declared'}."
-        ) from None
     except Exception as error:
         raise LawError(f"{name} fails {_line(user, error)}: {type(error).__name__}: {error}.") from error
 
@@ -183,15 +210,21 @@ def _returned(name: str, user: Function, kind: str, words: Any, found: Any) -> i
     values = list(found) if split else [found]
     said = f"{name} ({_where(user)}) must return {', '.join(wanted)}"
     if split != remembers or len(values) != len(wanted):
-        raise LawError(f"{said}: {len(wanted)} value{'s' * remembers}; it returns {len(values)}.")
+        got = f"{len(values)} values" if split else "a list" if isinstance(found, list) else f"{_plain(found)} alone"
+        raise LawError(f"{said}: {len(wanted)} value{'s' * remembers}; it returns {got}.")
     answer, memory = values[0], values[1:]
     if kind == "bond" and not isinstance(answer, Loads):
-        raise LawError(f"{said}, as Loads(n, s, t, twist, bend_s, bend_t); it returns {answer!r}.")
+        raise LawError(f"{said}, as Loads(n, s, t, twist, bend_s, bend_t); it returns {_plain(answer)}.")
     numbers = [*answer] if isinstance(answer, Damage | Loads) else [answer]
     for value in (*numbers, *memory):
         if np.ndim(value) or np.asarray(value).dtype.kind not in "fiu":
-            raise LawError(f"{said}, each a number; it returns {value!r}.")
+            raise LawError(f"{said}, each a number; it returns {_plain(value)}.")
     return 4 if isinstance(answer, Damage) else 1
+
+
+def _plain(value: Any) -> str:
+    """Return a value as its author thinks of it: without NumPy's name around a number."""
+    return repr(value.item() if isinstance(value, np.generic | np.ndarray) and np.ndim(value) == 0 else value)
 
 
 def _branches(user: Function, named: tuple[str, ...], given: dict[str, Any]) -> bool:

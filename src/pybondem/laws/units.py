@@ -4,6 +4,7 @@ Angles have no dimension. What follows a stroke stands below it, so that "J/kg K
 """
 
 import re
+from math import pi
 from typing import NamedTuple
 
 from pybondem.check import nearest
@@ -38,7 +39,8 @@ NAMES = {
     "deg": NONE, "1": NONE, "-": NONE, "%": NONE,
 }  # fmt: skip
 PREFIXED = {"m", "g", "s", "N", "Pa", "J", "W", "Hz"}
-PREFIXES = ("k", "M", "G", "m", "u", "µ", "n")
+PREFIXES = {"k": 1e3, "M": 1e6, "G": 1e9, "m": 1e-3, "u": 1e-6, "µ": 1e-6, "n": 1e-9}
+SIZES = {"g": 1e-3, "deg": pi / 180.0, "%": 1e-2}
 COMMON = (
     "-", "m", "1/m", "m2", "m3", "s", "1/s", "m/s", "1/m2", "K", "1/K", "Pa", "1/Pa", "Pa/m", "Pa s", "Pa s/m", "N",
     "N/m", "N m", "N s/m", "N m s", "J/m2", "kg", "kg/m3", "Pa m0.5", "Pa/K", "m/K", "W/m2",
@@ -46,10 +48,26 @@ COMMON = (
 TOKEN = re.compile(r"(?P<name>[A-Za-z%µ]+|1|-)(?:\^|\*\*)?(?P<power>[+-]?\d+(?:\.\d+)?)?")
 
 
+def scale(unit: str) -> float:
+    """Return how many SI units without prefix one unit is: 1e6 for "MPa". Raises InputError for one not known."""
+    size = 1.0
+    for name, power in _words(unit):
+        size *= _size(name) ** power
+    return size
+
+
 def dimension(unit: str) -> Dimension:
     """Return the dimension of a unit. Raises InputError for one that is not known."""
-    above, _, below = unit.replace("(", " ").replace(")", " ").partition("/")
     total = NONE
+    for name, power in _words(unit):
+        total = total.times(_base(name) or NONE, power)
+    return total
+
+
+def _words(unit: str) -> list[tuple[str, float]]:
+    """Return the units in a product or quotient, each with its power. Raises InputError for one that is not known."""
+    above, _, below = unit.replace("(", " ").replace(")", " ").partition("/")
+    found = []
     for text, sign in ((above, 1.0), (below.replace("/", " "), -1.0)):
         for word in re.sub(r"(?<!\*)\*(?!\*)|·", " ", text).split():
             match = TOKEN.fullmatch(word)
@@ -59,8 +77,8 @@ def dimension(unit: str) -> Dimension:
                 raise InputError(
                     f"{word!r} in the unit {unit!r} is not known{nearest(word, NAMES)}; known are {known}."
                 )
-            total = total.times(base, sign * float(match["power"] or 1.0))
-    return total
+            found.append((match["name"], sign * float(match["power"] or 1.0)))
+    return found
 
 
 def in_units(wanted: Dimension) -> str:
@@ -70,6 +88,13 @@ def in_units(wanted: Dimension) -> str:
             return unit
     parts = [f"{n}{'' if p == 1.0 else f'{p:g}'}" for n, p in zip(("m", "kg", "s", "K"), wanted, strict=True) if p]
     return " ".join(parts)
+
+
+def _size(name: str) -> float:
+    """Return how many SI units without prefix one unit is."""
+    if name in NAMES:
+        return SIZES.get(name, 1.0)
+    return PREFIXES[name[0]] * SIZES.get(name[1:], 1.0)
 
 
 def _base(name: str) -> Dimension | None:

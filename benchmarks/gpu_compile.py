@@ -1,0 +1,100 @@
+"""Compile the whole step for a GPU with every published law, and say what it needs; no GPU is needed.
+
+python benchmarks/gpu_compile.py [--capability 9.0,8.0] [--threads 256] [--json FILE]
+
+For each law and variant: the tightest bounds of the launch (threads x blocks on a multiprocessor) at which all fits
+into registers, how many these are, bytes that do not fit, seconds. Needs the cuda extra: pip install pybondem[cuda].
+"""
+
+import argparse
+import json
+from pathlib import Path
+from time import perf_counter
+from typing import Any, NamedTuple
+
+import user_law
+from machine import circumstances
+
+import pybondem as bd
+from pybondem.assembly import assemble, step_program
+from pybondem.bonds import ValuedLaw
+from pybondem.engines.cuda_compile import Capability, compile_kernel
+from pybondem.engines.cuda_half_bonds import half_bond_text
+from pybondem.engines.cuda_text import THREADS, stage_text
+from pybondem.program import Program
+
+VARIANTS = {"bonds": stage_text, "half-bonds": half_bond_text}
+MOST_SPILLS = 32  # bytes; none at all depends on the toolkit
+
+
+class Needs(NamedTuple):
+    """What a kernel needs: of law, variant and capability; bounds of the launch; registers; spilled bytes; seconds."""
+
+    law: str
+    variant: str
+    capability: str
+    bounds: tuple[int, int]
+    registers: int | None
+    spills: int | None
+    seconds: float
+
+
+def published() -> dict[str, ValuedLaw | None]:
+    """Return no law, and every published law with its typical values."""
+    return {"elastic": None} | {name: user_law.built_in(name) for name in user_law.names()}
+
+
+def program(law: ValuedLaw | None) -> Program:
+    """Return the step of bonds under a law, with all that a step may have: dashpots, damping, pushes, gravity."""
+    model = bd.Model(bd.packing.line(3, spacing=1e-2, direction=(1, 2, 3), diameter=1e-2), density=2500.0)
+    model.bond([[0, 1], [1, 2]], bd.Bond(bd.parallel(E=1e9, stiffness_ratio=2.0), law, damping=0.05))
+    model.push(model.select([2]), fz=1.0)
+    return step_program(assemble(model), (0.0, 0.0, -9.81), bd.local(0.2))
+
+
+def needs(law: str, variant: str, capability: Capability = (9, 0), threads: int = THREADS, most: int = 2) -> Needs:
+    """Return what the kernel of a published law needs at the tightest bounds that fit.
+
+    threads: of a block; most: blocks on a multiprocessor that are tried.
+    """
+    began = perf_counter()
+    text = VARIANTS[variant](program(published()[law]), threads)
+    for resident in range(most, 0, -1):
+        made = compile_kernel(text, capability, (threads, resident))
+        if made.spills is None or made.spills <= MOST_SPILLS:
+            break
+    seconds, (major, minor) = perf_counter() - began, capability
+    return Needs(law, variant, f"{major}.{minor}", (threads, resident), made.registers, made.spills, seconds)
+
+
+def line(found: Needs) -> str:
+    """Return a line of the table."""
+    what = f"{found.law:20} {found.variant:11} {found.capability:5} {found.bounds[0]} x {found.bounds[1]} "
+    return f"{what} {found.registers!s:>9} {found.spills!s:>7} {found.seconds:8.1f}"
+
+
+HEAD = f"{'law':20} {'variant':11} {'sm':5} {'bounds':8} {'registers':>9} {'spills':>7} {'seconds':>8}"
+
+
+def main() -> None:
+    """Print the table, and write it to a file if asked to."""
+    asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    asked.add_argument("--capability", default="9.0", help="of the GPU, one or several: 8.0,9.0,10.0")
+    asked.add_argument("--threads", type=int, default=THREADS, help=f"of a block ({THREADS})")
+    asked.add_argument("--json", type=Path, help="file for the table")
+    given = asked.parse_args()
+    print(HEAD)
+    found: list[Needs] = []
+    for words in given.capability.split(","):
+        major, _, minor = words.partition(".")
+        for law in published():
+            for variant in VARIANTS:
+                found.append(needs(law, variant, (int(major), int(minor or 0)), given.threads, 512 // given.threads))
+                print(line(found[-1]), flush=True)
+    if given.json:
+        record: dict[str, Any] = {"kernels": [f._asdict() for f in found], **circumstances()}
+        given.json.write_text(json.dumps(record, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
