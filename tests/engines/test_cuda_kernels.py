@@ -25,13 +25,16 @@ MORE_SPILLS = {
     ("plastic_slip", "10.0"): 256,
     ("thermal", "10.0"): 256,
 }  # bond laws, which keep six loads and components
+CAPABILITIES = [(8, 0), (9, 0), (10, 0)]
 FEW = ("elastic", "plastic_slip")  # no law, and the one that needs most
 variants = pytest.mark.parametrize("variant", ["bonds", "half-bonds"])
 
 
 def some(laws: Any) -> list[Any]:
-    """Return laws as parameters of a test, all but a few of them marked as slow."""
-    return [law if law in FEW else pytest.param(law, marks=pytest.mark.slow) for law in laws]
+    """Return laws and capabilities as parameters of a test, all but a few of them marked as slow."""
+    every = [(law, capability) for law in laws for capability in CAPABILITIES]
+    quick = {(law, (9, 0)) for law in FEW} | {("plastic_slip", capability) for capability in CAPABILITIES}
+    return [pair if pair in quick else pytest.param(*pair, marks=pytest.mark.slow) for pair in every]
 
 
 @pytest.fixture(scope="module")
@@ -63,18 +66,8 @@ def hold_to_limits(found: Any) -> None:
 
 @needs_compiler
 @variants
-@pytest.mark.parametrize("law", some(["elastic", *bd.laws.__all__]))
-def test_a_cuda_kernel_with_each_law_fits_into_registers(gpu_compile, law, variant):
-    found = gpu_compile.needs(law, variant, most=1)
-    print("\n" + gpu_compile.line(found), end="")
-    hold_to_limits(found)
-
-
-@needs_compiler
-@variants
-@pytest.mark.parametrize("capability", [(8, 0), (10, 0)])
-@pytest.mark.parametrize("law", [pytest.param("bilinear", marks=pytest.mark.slow), "plastic_slip"])
-def test_a_cuda_kernel_fits_other_gpus(gpu_compile, law, variant, capability):
+@pytest.mark.parametrize(("law", "capability"), some(["elastic", *bd.laws.__all__]))
+def test_a_cuda_kernel_with_each_law_fits_into_registers(gpu_compile, law, capability, variant):
     found = gpu_compile.needs(law, variant, capability, most=1)
     print("\n" + gpu_compile.line(found), end="")
     hold_to_limits(found)
@@ -82,9 +75,10 @@ def test_a_cuda_kernel_fits_other_gpus(gpu_compile, law, variant, capability):
 
 @needs_compiler
 @variants
-def test_a_cuda_kernel_with_a_users_law_is_one_cooperative_kernel_in_doubles(gpu_compile, variant):
+@pytest.mark.parametrize("capability", CAPABILITIES)
+def test_a_cuda_kernel_with_a_users_law_is_one_cooperative_kernel_in_doubles(gpu_compile, variant, capability):
     text = gpu_compile.VARIANTS[variant](gpu_compile.program(users(peak=1e-5, viscosity=1e-3)))
-    made = compile_kernel(text)
+    made = compile_kernel(text, capability)
     assert made.ptx.count(".entry") == 1
     assert made.ptx.count("cudaCGSynchronize") > 0
     # Double precision throughout, but for the exponential, which looks at its argument's upper half as a float.

@@ -1,6 +1,7 @@
 """Laws as decorated functions: what they may say, that engines agree, and what is said of functions that are none."""
 
 import math
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -476,7 +477,6 @@ def test_a_law_keeps_what_it_was_declared_with(engine: str, tmp_path: Any) -> No
     """Numbers, arrays and functions changed later reach no engine; another process with other values gets its own."""
     import os
     import subprocess
-    import sys
 
     (tmp_path / "law.py").write_text(FROZEN)
     environment = os.environ | {"PYBONDEM_CACHE": str(tmp_path)}
@@ -578,3 +578,9 @@ def test_a_bond_that_cannot_be_pulled_is_broken_but_not_failed(engine: str, pair
         x[1, 2] += 2e-6
     assert sim.broken == 1
     assert len(sim.failed_pairs) == 0
+
+
+@pytest.mark.skipif(sys.version_info < (3, 12), reason="Python 3.12 and later know which names may have no value")
+def test_a_name_with_a_value_in_one_branch_only_is_refused() -> None:
+    said = wrong("def law(d):\n if d.slip < 0.0:\n  a = 1.0\n return 0.0 * a")
+    assert said == "law (law.py, line 4) uses a, which has a value in some branches only."

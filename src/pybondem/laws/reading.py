@@ -178,6 +178,9 @@ def _refuse_effects(name: str, user: Function, seen: tuple[Function, ...] = ()) 
                 f"{name} ({_at(user, line)}) writes into something; a law makes new numbers and changes nothing, so "
                 "that it can run on any engine and for all bonds at once."
             )
+        if step.opname == "LOAD_FAST_CHECK":  # Python 3.12 and later know
+            line = step.positions.lineno if step.positions else None
+            raise LawError(f"{name} ({_at(user, line)}) uses {step.argval}, which has a value in some branches only.")
     cells = inspect.getclosurevars(user).nonlocals if inspect.isfunction(user) else {}
     for word, value in {**globals_of(user), **cells}.items():
         if isinstance(value, list | dict | set):
