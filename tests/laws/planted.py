@@ -10,7 +10,7 @@ from pybondem.bonds import ValuedLaw
 from pybondem.laws.law import bond_law, damage_law
 from pybondem.laws.parameters import Parameter
 from pybondem.laws.trial import SHEAR
-from pybondem.ops import add, cross, dot, maximum, minimum, minus, norm, sqrt, times, where
+from pybondem.ops import absolute, add, cross, dot, exp, maximum, minimum, minus, norm, sqrt, times, where
 from pybondem.physics import frame
 from pybondem.physics.types import Frame, Load, Loads
 
@@ -136,18 +136,61 @@ def number_with_unit(d: Any, m: Any) -> Any:
     return minimum(1.0, largest / 4e-5), largest
 
 
-@damage_law(parameters={"peak": "furlong", "end": "m"}, memory={"largest": "m"})
-def unheard_of(d: Any, m: Any, p: Any) -> Any:
-    """Declares a unit that is none."""
-    largest = maximum(m.largest, d.slip)
-    return softened(largest, p), largest
-
-
 @damage_law(parameters=SLIPS, memory={"largest": "m"})
 def needs_python(d: Any, m: Any, p: Any) -> Any:
     """Cannot be compiled."""
     largest = {"so far": maximum(m.largest, d.slip)}
     return softened(largest["so far"], p), float(f"{largest['so far']!s}")
+
+
+@damage_law(parameters={"C": "s/m"}, memory={"D": "1"})
+def forgets_dt(d: Any, m: Any, p: Any, rate: Any) -> Any:
+    """Grows by a rate in every step, however long it is."""
+    D = minimum(1.0, m.D + p.C * maximum(rate.opening, 0.0))
+    return D, D
+
+
+@damage_law(parameters={"each": "1", "beyond": "1"}, memory={"D": "1"})
+def counts_steps(d: Any, m: Any, p: Any) -> Any:
+    """Grows in every evaluation."""
+    D = minimum(1.0, m.D + where(d.slip > p.beyond * d.length, p.each, 0.0))
+    return D, D
+
+
+@bond_law(parameters={"c": "N s/m"}, memory={"n": "N"})
+def sums_rates(d: Any, k: Any, m: Any, p: Any, rate: Any) -> Any:
+    """Sums a rate in a load, not its increments."""
+    n = m.n + p.c * rate.n
+    return with_normal(d, k, n), n
+
+
+@damage_law(parameters={"speed": "m/s"}, memory={"last": "m", "D": "1"})
+def divides_by_dt(d: Any, m: Any, p: Any, dt: Any) -> Any:
+    """Makes a speed of its own, with dt = 0 too."""
+    speed = maximum((d.opening - m.last) / dt, 0.0)
+    D = maximum(m.D, 1.0 - exp(-speed / p.speed))
+    return D, d.opening, D
+
+
+@damage_law(parameters={"end": "m"}, memory={"largest": "m"})
+def crushed(d: Any, m: Any, p: Any) -> Any:
+    """Has the opening with the wrong sign."""
+    largest = maximum(m.largest, -d.opening)
+    return minimum(1.0, largest / p.end), largest
+
+
+@damage_law(parameters={"end": "m"}, memory={"largest": "m"})
+def either_way(d: Any, m: Any, p: Any) -> Any:
+    """Is damaged by opening and by closure."""
+    largest = maximum(m.largest, absolute(d.opening))
+    return minimum(1.0, largest / p.end), largest
+
+
+@damage_law(parameters={"end": "m"}, memory={"largest": "m"})
+def born_damaged(d: Any, m: Any, p: Any) -> Any:
+    """Begins with damage."""
+    largest = maximum(m.largest, d.opening)
+    return minimum(1.0, 0.3 + largest / p.end), largest
 
 
 # Bond laws ------------------------------------------------------------------------------------------------------
@@ -234,7 +277,6 @@ PLANTED = {
     "memory in Pa": Planted(memory_in_pascal(PEAK, END), "units", "largest is declared in Pa, but what the "
                            "law keeps in it is in m.", "slip"),
     "number with a unit": Planted(number_with_unit(), "units", "number written in the law", "slip"),
-    "unknown unit": Planted(unheard_of(PEAK, END), "units", "'furlong'", ""),
     "not to be compiled": Planted(needs_python(PEAK, END), "engines", "'cpu': needs_python cannot be compiled", ""),
     "pulls when pressed": Planted(pulls_when_pressed(), "closure", "pressed together does not push", "closure"),
     "pushes when opened": Planted(pushes_when_opened(), "closure", "opened pushes", "opening"),
@@ -243,6 +285,15 @@ PLANTED = {
     "work from slip": Planted(turns_the_force(), "dissipation", "creates energy", "slip"),
     "stiff on the way back": Planted(stiffens_on_the_way_back(1.2), "dissipation", "creates energy", "slip"),
     "potential too large": Planted(other_potential(), "potential", "slope of the declared potential", "bond"),
+    "rate without dt": Planted(forgets_dt(1.0), "time step", "by its rate times dt", "opening"),
+    "fast rate without dt": Planted(forgets_dt(1e6), "time step", "by its rate times dt", "opening"),
+    "load without dt": Planted(sums_rates(1e3), "time step", "by its rate times dt", "opening"),
+    "steps counted": Planted(counts_steps(0.01, 1e-6), "time step", "nothing may count evaluations", "slip"),
+    "many steps counted": Planted(counts_steps(1e-6, 1e-6), "time step", "Evaluated again", "slip"),
+    "divided by dt": Planted(divides_by_dt(1e-3), "finite", "for dt = 0", "no deformation"),
+    "crushed": Planted(crushed(PEAK), "closure", "only pressed together is damaged", "closure"),
+    "damaged either way": Planted(either_way(PEAK), "closure", "only pressed together is damaged", "closure"),
+    "born damaged": Planted(born_damaged(PEAK), "rest", "undeformed new bond is damaged", "no deformation"),
     "load at rest": Planted(loaded_at_rest(1e-6), "rest", "undeformed bond carries a load", "no deformation"),
 }  # fmt: skip
 

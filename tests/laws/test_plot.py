@@ -168,3 +168,16 @@ def test_laws_do_not_load_matplotlib_before_they_draw() -> None:
     code += "; assert 'matplotlib.pyplot' not in sys.modules"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_a_law_that_is_not_finite_is_said_below_the_figure(tmp_path: Path) -> None:
+    @bd.damage_law(parameters={"at": "m"}, memory={"D": "1"})
+    def root(d: Any, m: Any, p: Any) -> Any:
+        D = bd.maximum(m.D, 1.0 - bd.sqrt(1.0 - bd.maximum(d.opening, 0.0) / p.at))
+        return D, D
+
+    root.plot(at=1e-5, path=tmp_path / "root.png", reach=1.3e-5)
+    text = (tmp_path / "root.svg").read_text(encoding="utf-8")
+    assert "The law is not finite from opening 10 µm on: it is drawn as it was before." in text
+    library.bilinear.plot(path=tmp_path / "sound.png")
+    assert "not finite" not in (tmp_path / "sound.svg").read_text(encoding="utf-8")

@@ -23,6 +23,12 @@ def toughness(s: Subject) -> Finding:
     """The work to full failure is what the bond books as lost, and what the law declares as fracture energy."""
     name, tolerance, worst, found = "toughness", 1e-3, 0.0, []
     declared = s.law.declared
+    for mode in declared.toughness:
+        if mode not in ENERGY_MODES:
+            sentence = f"A fracture energy is declared in {mode!r}; it can be in {' or '.join(ENERGY_MODES)}."
+            return failed(name, sentence)
+    if s.heated:
+        return skipped(name, s.heated)
     for element in ELEMENTS:
         for mode, component in zip(ENERGY_MODES, FIRST, strict=False):
             promised = declared.toughness.get(mode)

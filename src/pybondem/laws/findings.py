@@ -1,12 +1,16 @@
 """What the trials of a law found: one finding for each rule, and the report of all of them."""
 
+import inspect
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from traceback import extract_tb
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pybondem.errors import InputError
+from pybondem.bonds import ValuedLaw
+from pybondem.engines.compile_errors import Place, located
+from pybondem.errors import BondemError, InputError
 
 Verdict = Literal["passed", "failed", "skipped"]
 WIDTH = 100  # columns of a printed sentence before it goes on in the next line
@@ -29,10 +33,14 @@ class Finding(NamedTuple):
 
 @dataclass(frozen=True)
 class Report:
-    """The findings on one law: `passed`, `failed`, `report["momentum"]`; printed as a table."""
+    """The findings on one law: `passed`, `failed`, `report["momentum"]`; printed as a table.
+
+    bond: the bond that it was tried on, in words: fracture energies are those of its stiffness.
+    """
 
     law: str
     findings: tuple[Finding, ...]
+    bond: str = ""
 
     @property
     def passed(self) -> bool:
@@ -60,7 +68,7 @@ class Report:
             lines += [" " * (name + 11) + line for line in more]
         counts = {v: sum(f.verdict == v for f in self.findings) for v in ("passed", "failed", "skipped")}
         said = ", ".join(f"{count} {v}" for v, count in counts.items() if count)
-        return "\n".join([*lines, f"{self.law}: {said}"])
+        return "\n".join([*lines, f"{self.law}: {said}", *([self.bond] if self.bond else [])])
 
 
 def passed(name: str, sentence: str, measured: float | None = None, tolerance: float | None = None) -> Finding:
@@ -77,6 +85,19 @@ def failed(name: str, sentence: str, deformation: str = "", measured: float | No
            tolerance: float | None = None) -> Finding:  # fmt: skip
     """Return the finding that a rule is broken."""
     return Finding(name, "failed", sentence, deformation, measured, tolerance)
+
+
+def stopped(error: Exception, law: ValuedLaw) -> str:
+    """Return the sentence on what stopped a law, with the user's own line where the error arose in the user's file."""
+    if isinstance(error, BondemError):
+        return f"{str(error)[:1].upper()}{str(error)[1:]}"
+    declared: Any = law.declared
+    users = (declared.user, law.potential, getattr(declared, "potential", None), *declared.toughness.values())
+    files = {f.__code__.co_filename for f in users if inspect.isfunction(f)}
+    lines = [place for place in extract_tb(error.__traceback__) if place.filename in files and place.lineno]
+    said = (str(error).strip().splitlines() or [""])[0].rstrip(".")
+    at = f" ({located(Place(lines[-1].filename, lines[-1].lineno or 0))})" if lines else ""
+    return f"The law stops with {type(error).__name__}: {said}{at}."
 
 
 def in_words(local: ArrayLike, element: str) -> str:

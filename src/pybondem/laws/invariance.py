@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pybondem.check import Floats
-from pybondem.laws.findings import Finding, failed, in_words, passed
+from pybondem.laws.findings import Finding, failed, in_words, passed, skipped
 from pybondem.laws.poses import Rigid, cross, random_axes, rotation
 from pybondem.laws.subject import Subject
 from pybondem.laws.trial import ELEMENTS, TILT, History
@@ -12,21 +12,29 @@ from pybondem.laws.trial import ELEMENTS, TILT, History
 Ints = NDArray[np.int64]
 
 ROUND_OFF = 1e-12
+SMALL_STRAIN = 1e-4
 TURN = 4.0 * np.pi  # two full turns
 AXIS = np.array([1.0, 2.0, 3.0]) / np.sqrt(14.0)  # no axis of the coordinates
 
 
 def rest(s: Subject) -> Finding:
-    """No force acts in an undeformed bond, wherever it is carried as a whole."""
+    """No force acts in an undeformed bond, wherever it is carried as a whole, and a new one is whole."""
     name, tolerance, worst = "rest", 1e-10, 0.0
     for element in ELEMENTS:
+        trial = s.trial(element, 1, calm=True)
+        damage = float(np.nan_to_num(trial.evaluate(trial.pose(np.zeros(6)), None, 0.0).damages).max())
+        if damage > ROUND_OFF:
+            sentence = "An undeformed new bond is damaged: damage must begin at 0."
+            return failed(name, sentence, f"{element}: no deformation", damage, ROUND_OFF)
+        if s.heated:
+            return skipped(name, s.heated)
         still = np.zeros((9, 6))
         history = s.trial(element, 8, calm=True).follow(still, s.duration / 8, _turning(9, s.length, s.duration / 8))
         size = np.abs(history.load) / _load_scale(s, element)[:, None]
         worst = max(worst, float(np.nanmax(size, initial=0.0)))
         if not worst <= tolerance:
             where = f"{element}: no deformation"
-            sentence = "An undeformed bond carries a load, here as a share of the most it would carry elastically."
+            sentence = "An undeformed bond carries a load, here as a share of what a small strain makes it carry."
             return failed(name, sentence, where, worst, tolerance)
     sentence = f"An undeformed bond carries no load, wherever it is carried and turned{s.calmed}."
     return passed(name, sentence, worst, tolerance)
@@ -115,17 +123,20 @@ def momentum(s: Subject) -> Finding:
                 if not worst <= tolerance:
                     pair = int(np.argmax(share))
                     return failed(name, what, in_words(local[:, pair], element), float(share[pair]), tolerance)
-    return passed(name, "Forces are opposite, and torques balance them.", worst, tolerance)
+    sentence = "Forces are opposite and torques balance them, by construction: no law can change that."
+    return passed(name, sentence, worst, tolerance)
 
 
 # Parts ----------------------------------------------------------------------------------------------------------
 
 
 def _load_scale(s: Subject, element: str) -> Floats:
-    """Return the elastic loads (6,) at the end of the law's reach; the greatest where a mode has none."""
-    load = s.reach[element].stiffness * s.reach[element].end
-    most = float(load[:3].max()) or 1.0
-    return np.where(load > 0.0, load, most * np.repeat([1.0, s.length], 3))
+    """Return the loads (6,) of the elastic bond at a small strain, or those at the end of the law's reach if larger."""
+    kn, ks, kt, kb, _ = s.trial(element, 1).stiffness
+    elastic = SMALL_STRAIN * np.array([kn, ks, ks, kt, kb, kb]) * np.repeat([s.length, 1.0], 3)
+    elastic[3:] = np.maximum(elastic[3:], s.length * elastic[0])  # joints have no stiffness of their own in rotation
+    load: Floats = np.maximum(np.nan_to_num(s.reach[element].stiffness * s.reach[element].end), elastic)
+    return load
 
 
 def _turning(points: int, length: float, dt: float) -> list[Rigid]:

@@ -83,7 +83,8 @@ def plot_law(
 
     The paths are opening, slip, and both at once at 45 degrees, each loaded once, and opening and slip also loaded and
     unloaded with growing amplitude: opening until it is a little pressed together, slip to and fro. They go to where
-    little of the law is left. Where the law declares its toughness, a dashed line is what it should dissipate.
+    little of the law is left. Where the law declares its toughness, a dashed line is what it should dissipate. Where
+    the law returns a number that is not finite, the line below the panels says from which deformation on.
 
     path: of the PNG to write (an SVG is put beside it); reach [m]: of every path instead; driven: a path (points, 6) of
     n, s, t [m], twist, bend_s, bend_t [rad] (see `laws.paths`), drawn against its points in the place of the others.
@@ -96,11 +97,14 @@ def plot_law(
     if reach is not None:
         extent = _as_asked(extent, reach)
     driver = Driver(known.law, element, extent.length, known.duration)
-    text: dict[str, Any] = {"title": _title(known.law), "note": _note(driver), "path_png": path}
-    if driven is not None:
+    columns: tuple[Column, ...] = _COLUMNS
+    if driven is None:
+        rows = _rows(driver, extent)
+    else:
         own = _driven(driven)
-        return law_figure(_OWN_COLUMN, _rows_along(_answers(driver, [own], len(own) - 1)[0]), **text)
-    return law_figure(_COLUMNS, _rows(driver, extent), **text)
+        columns, rows = _OWN_COLUMN, _rows_along(_answers(driver, [own], len(own) - 1)[0])
+    note = _note(driver) + _not_finite(columns, rows[-1])
+    return law_figure(columns, rows, title=_title(known.law), note=note, path_png=path)
 
 
 # Paths and answers -----------------------------------------------------------------------------------------------
@@ -318,3 +322,17 @@ def _note(driver: Driver) -> str:
     time = f", a path in {quantity(driver.duration, 's')}" if driver.law.flows else ""
     stiffness = f"{quantity(kn / area, 'Pa/m')} in opening, {quantity(ks / area, 'Pa/m')} in slip"
     return f"one {driver.element} of {quantity(driver.length, 'm')}; stiffness per area {stiffness}{time}"
+
+
+def _not_finite(columns: Sequence[Column], dissipated: Row) -> str:
+    """Return where a law first answers with a number that is not finite, in words to go on with: "" where nowhere.
+
+    The bond keeps its last answer from there on; what it dissipated is no number any more.
+    """
+    said = []
+    for column, panel in zip(columns, dissipated.panels, strict=True):
+        ends = [line.x[~np.isfinite(line.y)] for line in panel.lines]
+        first = [float(x[0]) for x in ends if len(x)]
+        if first:
+            said.append(f"{column.label} {quantity(min(first, key=abs), column.unit)}")
+    return f"\nThe law is not finite from {', '.join(said)} on: it is drawn as it was before." if said else ""

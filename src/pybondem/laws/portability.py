@@ -5,12 +5,14 @@ from collections.abc import Sequence
 from pybondem.assembly import called
 from pybondem.engines import cuda_compile
 from pybondem.engines.choose import usable_engines
+from pybondem.engines.compile_errors import explain
 from pybondem.errors import BondemError
-from pybondem.laws.findings import Finding, failed, in_words, passed, skipped
+from pybondem.laws.findings import Finding, failed, in_words, passed, skipped, stopped
 from pybondem.laws.invariance import difference, first_place
 from pybondem.laws.subject import Subject
 
 PAIRS = 6
+INTERPRETED = ("reference", "interpreted")  # engines that compile nothing
 
 
 def engines(s: Subject, names: Sequence[str] | None = None) -> Finding:
@@ -23,9 +25,7 @@ def engines(s: Subject, names: Sequence[str] | None = None) -> Finding:
         try:
             history = s.trial("bond", PAIRS, engine=engine).follow(path, s.time_step(path))
         except Exception as error:  # compilers raise anything at a user's function
-            kind = "" if isinstance(error, BondemError) else f"{type(error).__name__}: "
-            said = (str(error).strip().splitlines() or [""])[0]
-            return failed(name, f"The law does not run on the engine {engine!r}: {kind}{said}")
+            return failed(name, f"The law does not run on the engine {engine!r}: {_refused(error, engine, s)}")
         differs = difference(reference, history, s.length)
         worst = max(worst, float(differs.max()))
         if not worst <= tolerance:
@@ -33,6 +33,13 @@ def engines(s: Subject, names: Sequence[str] | None = None) -> Finding:
             sentence = f"The engine {engine!r} answers another load than the reference engine."
             return failed(name, sentence, in_words(path[k, :, pair], "bond"), float(differs[k, pair]), tolerance)
     return passed(name, f"The engines {', '.join(['reference', *tried])} give the same answer.", worst, tolerance)
+
+
+def _refused(error: Exception, engine: str, s: Subject) -> str:
+    """Return in words why an engine does not run a law."""
+    if isinstance(error, BondemError):
+        return str(error)
+    return stopped(error, s.law) if engine in INTERPRETED else explain(error, s.law.declared.user)
 
 
 def gpu(s: Subject) -> Finding:

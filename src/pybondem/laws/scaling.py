@@ -19,13 +19,21 @@ BASES = ("length", "mass", "time", "temperature")
 POWERS = (0.0, 1.0, -1.0, 2.0, -2.0, 3.0, -3.0, 0.5, -0.5, 1.5, -1.5, 4.0, -4.0)  # that units may have
 SECTION = 0.25  # bending modulus of a circle over its area and radius
 
-Dimensions = dict[str, Dimension]
+SI = Dimension(1.0, 1.0, 1.0, 1.0)  # factors
+
 DEFORMATION = [dimension(u) for u in ("m", "m", "-", "-", "m", "m2", "Pa", "Pa", "Pa", "Pa", "Pa/m", "Pa/m")]
 RATE = [dimension(u) for u in ("m/s", "m/s", "1/s", "1/s")]
 COMPONENTS = [dimension(u) for u in ("m", "m", "m", "-", "-", "-", "m", "m2")]
 COMPONENT_RATES = [dimension(u) for u in ("m/s", "m/s", "m/s", "1/s", "1/s", "1/s")]
 STIFFNESS = [dimension(u) for u in ("N/m", "N/m", "N m", "N m")]
 LOADS = [dimension(u) for u in ("N", "N", "N", "N m", "N m", "N m")]
+
+
+class Dimensions(NamedTuple):
+    """Dimensions of the parameters and of the words of memory, by name."""
+
+    parameters: dict[str, Dimension]
+    memory: dict[str, Dimension]
 
 
 class Run(NamedTuple):
@@ -38,11 +46,11 @@ class Run(NamedTuple):
 def units(s: Subject) -> Finding:
     """The law is the same law in other units: it is dimensionally what its declared units say."""
     name, tolerance = "units", TOLERANCE
-    declared: Dimensions = {}
-    for kind, given in zip(("parameter", "word of memory"), units_of(s.law), strict=True):
+    declared = Dimensions({}, {})
+    for kind, given, found in zip(("parameter", "word of memory"), units_of(s.law), declared, strict=True):
         for quantity, unit in given.items():
             try:
-                declared[quantity] = dimension(unit)
+                found[quantity] = dimension(unit)
             except InputError as error:
                 return failed(name, f"The unit of the {kind} {quantity} cannot be read: {error}")
     path = _growing(s)
@@ -84,11 +92,12 @@ def _difference(a: Floats, b: Floats) -> Floats:
 
 def _blame(s: Subject, path: Floats, base: Run, declared: Dimensions) -> str:
     """Return the sentence that names one parameter in another unit with which all is well, "" where there is none."""
-    for parameter in s.law.parameters._fields:
-        right = declared[parameter]
+    for parameter, given in declared.parameters.items():
+        right = given
         for quantity in BASES:
-            for power in sorted(POWERS, key=lambda p: abs(p - getattr(declared[parameter], quantity))):
-                trial = declared | {parameter: declared[parameter]._replace(**{quantity: power})}
+            for power in sorted(POWERS, key=lambda p: abs(p - getattr(given, quantity))):
+                changed = declared.parameters | {parameter: given._replace(**{quantity: power})}
+                trial = declared._replace(parameters=changed)
                 if _mismatch(s, path, base, trial, quantity).max() <= TOLERANCE:
                     right = right._replace(**{quantity: power})
                     break
@@ -107,8 +116,8 @@ def _memory_blame(s: Subject, path: Floats, base: Run, declared: Dimensions, qua
         for c, word in enumerate(s.law.memory._fields):
             k = int(np.argmax(np.nan_to_num(np.abs(base.memory[:, c]))))
             grown = [abs(other.memory[k, c] / base.memory[k, c]) for other in others]
-            right = declared[word].times(Dimension(*np.round(2.0 * np.log(grown) / np.log(FACTOR)) / 2.0))
-            if right != declared[word]:
+            right = declared.memory[word].times(Dimension(*np.round(2.0 * np.log(grown) / np.log(FACTOR)) / 2.0))
+            if right != declared.memory[word]:
                 return (
                     f"The word of memory {word} is declared in {units_of(s.law)[1][word]}, but what the law keeps in "
                     f"it is in {in_units(right)}."
@@ -130,27 +139,30 @@ def _run(s: Subject, path: Floats, powers: Dimension, declared: Dimensions) -> R
     factors = Dimension(*(FACTOR**p for p in powers))
     law = on_arrays(s.law.function)
     given = s.law.parameters._asdict()
-    p = type(s.law.parameters)(*_scaled(given.values(), [declared[name] for name in given], factors))
+    p = type(s.law.parameters)(*_scaled(given.values(), declared.parameters.values(), factors))
     sizes = s.trial("bond", 1).stiffness
     k = Stiffness(*_scaled(sizes[:4], STIFFNESS, factors))
     memory = s.law.memory(*np.zeros(len(s.law.memory._fields)))
     dt = s.time_step(path)
     step = np.float64(dt * factors.time)
-    answers, words = [], []
+    answers, words, kinds = [], [], declared.memory.values()
     for before, local in zip(np.concatenate([path[:1], path[:-1]]), path, strict=True):
-        d, rate = _seen(s, local, (local - before) / dt, sizes, factors)
+        d, rate = seen(s, local, (local - before) / dt, sizes, factors)
         with np.errstate(all="ignore"):
             answer, kept = law(d, k, memory, p, rate, step)
         memory = s.law.memory(*map(first, kept))
         numbers = [*answer] if isinstance(answer, Damage | Loads) else [answer]
         dims = LOADS if isinstance(answer, Loads) else [NONE] * len(numbers)
         answers.append([first(v) / x.scaled(factors) for v, x in zip(numbers, dims, strict=True)])
-        words.append([first(v) / declared[n].scaled(factors) for n, v in zip(memory._fields, memory, strict=True)])
+        words.append([first(v) / x.scaled(factors) for v, x in zip(memory, kinds, strict=True)])
     return Run(np.array(answers), np.array(words).reshape(len(path), len(memory)))
 
 
-def _seen(s: Subject, local: Floats, rates: Floats, sizes: Floats, factors: Dimension) -> tuple[Any, Any]:
-    """Return what the law sees of a deformation and its rates, in the units of the factors."""
+def seen(s: Subject, local: Floats, rates: Floats, sizes: Floats, factors: Dimension = SI) -> tuple[Any, Any]:
+    """Return what the law sees of a deformation (6,) or (6, count) and its rates, in the units of the factors.
+
+    sizes: stiffness and cross-section of the bond (see `Trial.stiffness`).
+    """
     area = float(sizes[4])
     if s.law.kind == "bond":
         d = _scaled([*local, s.length, area], COMPONENTS, factors)

@@ -7,11 +7,14 @@ import numpy as np
 
 from pybondem.bonds import ValuedLaw
 from pybondem.check import Floats
+from pybondem.engines.reference import on_arrays
 from pybondem.errors import InputError
 from pybondem.laws import paths
 from pybondem.laws.poses import motions
+from pybondem.laws.reading import SAMPLES
 from pybondem.laws.trial import ELEMENTS, LENGTH, NORMAL, SHEAR, Answer, History, Trial, single
 from pybondem.laws.units import NONE, Dimension, dimension
+from pybondem.physics.types import Stiffness
 
 COMPONENTS_OF = ((0,), (1, 2), (3,), (4, 5))  # of opening, slip, twist, bending
 FIRST = (0, 1, 3, 4)  # the component that stands for each
@@ -34,7 +37,8 @@ class Subject:
     """One law with one value of each parameter.
 
     calm: the same without change of temperature; length: of the pairs to try it with [m]; reach: for each element;
-    duration: of a path [s]; histories: what was found so far, by element.
+    duration: of a path [s]; heated: why energy cannot be looked at, where a temperature loads the bond that cannot be
+    set to 0, else ""; histories: what was found so far, by element.
     """
 
     law: ValuedLaw
@@ -42,6 +46,7 @@ class Subject:
     length: float
     duration: float
     reach: dict[str, Reach]
+    heated: str = ""
     histories: dict[str, dict[str, History]] = field(default_factory=dict)
 
     @property
@@ -105,7 +110,7 @@ def subject(law: ValuedLaw) -> Subject:
         length, reach = _fitting(calm, duration)
         if _can_soften(calm, shear, reach):
             break
-    return Subject(stiff, calm, length, duration, reach)
+    return Subject(stiff, calm, length, duration, reach, _heated(calm, length, duration))
 
 
 def _fitting(law: ValuedLaw, duration: float) -> tuple[float, dict[str, Reach]]:
@@ -161,12 +166,57 @@ def known_dimension(unit: str) -> Dimension:
 
 
 def _calm(law: ValuedLaw) -> ValuedLaw:
-    """Return the law with every temperature at 0: without change of temperature."""
+    """Return the law without change of temperature: with all temperatures at 0, or all those that it divides by not."""
     declared: Any = law.declared
-    values = {
-        name: 0.0 for name, p in declared.parameters.items() if known_dimension(p.unit) == TEMPERATURE and p.allows(0.0)
-    }
-    return replace(law, parameters=law.parameters._replace(**values))
+    names = [name for name in temperatures(law) if declared.parameters[name].allows(0.0)]
+    calm = _with(law, names)
+    if not names or _stands(calm, _stands(law, True)):
+        return calm
+    strict, calm = _stands(law, True), law
+    for name in names:
+        colder = _with(calm, [name])
+        calm = colder if _stands(colder, strict) else calm
+    return calm
+
+
+def temperatures(law: ValuedLaw) -> list[str]:
+    """Return the names of the parameters that are temperatures."""
+    return [name for name, unit in units_of(law)[0].items() if known_dimension(unit) == TEMPERATURE]
+
+
+def _with(law: ValuedLaw, zeros: list[str]) -> ValuedLaw:
+    return replace(law, parameters=law.parameters._replace(**dict.fromkeys(zeros, 0.0)))
+
+
+def _stands(law: ValuedLaw, strict: bool) -> bool:
+    """Return whether a law answers a new bond with numbers; strict: and divides by zero nowhere on the way."""
+    sample = SAMPLES[law.kind]
+    d, rate = (type(x)(*map(np.float64, x)) for x in (sample["d"], sample["rate"]))
+    memory = law.memory(*np.zeros(len(law.memory._fields)))
+    how: Any = "raise" if strict else "ignore"
+    try:
+        with np.errstate(divide=how, invalid=how):
+            k = Stiffness(1e6, 1e6, 1.0, 1.0)
+            answer, kept = on_arrays(law.function)(d, k, memory, law.parameters, rate, np.float64(1e-6))
+    except (ArithmeticError, ValueError):
+        return False
+    return all(np.isfinite(v).all() for v in (*(answer if isinstance(answer, tuple) else (answer,)), *kept))
+
+
+def _heated(law: ValuedLaw, length: float, duration: float) -> str:
+    """Return the sentence that a temperature which cannot be 0 loads an undeformed bond, "" where none does."""
+    values = {name: getattr(law.parameters, name) for name in temperatures(law)}
+    left = [f"{name} = {value:g}" for name, value in values.items() if value]
+    if not left:
+        return ""
+    trial = Trial(law, "bond", length=length)
+    load = trial.evaluate(trial.pose(np.zeros(6)), None, duration).force_j
+    if not float(np.abs(load).max()) > 1e-9 * float(trial.stiffness[0]) * length:
+        return ""
+    return (
+        f"The law cannot be tried without its temperature: {' and '.join(left)} cannot be set to 0, and loads the bond "
+        "by itself."
+    )
 
 
 def _duration(law: ValuedLaw) -> float:
@@ -202,7 +252,8 @@ def _reach(law: ValuedLaw, element: str, length: float, duration: float) -> Reac
 def _secant(answer: Answer, mode: int, size: Floats, stiffness: float) -> tuple[Floats, float]:
     """Return the share of its first secant stiffness that each pair has left in a mode (count,), and that stiffness."""
     if answer.own is None:
-        return 1.0 - answer.damages[min(mode, len(answer.damages) - 1)], stiffness
+        left = 1.0 - answer.damages[min(mode, len(answer.damages) - 1)]
+        return left / left[0] if left[0] > 0.0 else left, stiffness  # what is lost at once is not lost to deformation
     load = np.sqrt((answer.own[list(COMPONENTS_OF[mode])] ** 2).sum(axis=0)) / size
     first = float(load[0])
     return (load / first, first) if first > 0.0 else (np.ones_like(size), 0.0)
