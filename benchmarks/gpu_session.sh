@@ -19,7 +19,7 @@ results=$out/gpu-$(date -u +%Y-%m-%d).json
 export PYTHONPATH=src${PYTHONPATH:+:$PYTHONPATH} PYTHONUNBUFFERED=1 PYBONDEM_REQUIRE_GPU=1
 most=${LIMIT:-600}
 parts=("$@")
-((${#parts[@]})) || parts=(equality speed layouts sanitizer tests)
+((${#parts[@]})) || parts=(equality tests speed sanitizer layouts)
 failed=()
 
 # run NAME SECONDS COMMAND...: at most so long; what it prints is shown and kept.
@@ -42,7 +42,7 @@ tests() {
     local spread=()
     "$python" -c 'import xdist' 2>/dev/null && spread=(-n "${WORKERS:-6}")
     # every test that takes an engine, on this one, and the tests of its parts
-    run tests 400 "$python" -m pytest -q -p no:cacheprovider "${spread[@]}" -k cuda tests
+    run tests 400 "$python" -m pytest -q -p no:cacheprovider "${spread[@]}" -k "cuda and not test_cuda_kernels and not test_cuda_compile" tests
 }
 
 equality() {
@@ -57,13 +57,15 @@ speed() {
     local case=("$python" benchmarks/run.py --job cylinder --repeats 5 --json "$results")
     run "start-up" 60 "${case[@]}" --engine cuda --particles 1000
     run speed 200 "${case[@]}" --engine cuda:bonds,cuda:half-bonds --no-start --particles 1000,10000,100000,1000000
+    run "cost of damage" 60 "${case[@]}" --engine cuda --no-start --particles 1000000 --law bilinear --law-active
+    run "pull-out" 60 "$python" -m pybondem run pullout -s diameter=0.47 --engine cuda -o "$out/gpu-pull-out"
     run "speed of 8 million" 240 "${case[@]}" --engine cuda --no-start --particles 8000000
     run shares 60 "$python" benchmarks/gpu_ceilings.py --json "$results" --beside
 }
 
 sanitizer() {
     if ! command -v compute-sanitizer >/dev/null; then
-        echo "compute-sanitizer is not on the PATH: memory errors and races were not looked for."
+        failed+=("sanitizer (compute-sanitizer is not on the PATH: memory errors and races were not looked for)")
         return
     fi
     local tool variant

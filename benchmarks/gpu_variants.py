@@ -20,7 +20,8 @@ from pybondem import simulation
 from pybondem.engines.cuda import Cuda
 from pybondem.engines.cuda_device import Variant
 
-LAYOUTS = ((128, 2), (128, 4), (256, 1), (256, 2), (512, 1))  # threads of a block, blocks on a multiprocessor
+# Threads of a block, blocks on a multiprocessor.
+LAYOUTS = ((64, 6), (128, 2), (128, 3), (128, 4), (256, 1), (256, 2), (512, 1))
 SECONDS, REPEATS = 0.3, 5
 
 

@@ -74,12 +74,12 @@ def examples() -> None:
 @app.command()
 def info() -> None:
     """Say what this machine offers: engines, threads, GPU, versions."""
-    from pybondem.engines.choose import ENGINES
+    from pybondem.engines.choose import usable_engines
     from pybondem.engines.cpu import Cpu, cache_folder
     from pybondem.engines.cuda_device import described
     from pybondem.output.folder import provenance
 
-    facts = {"engines": ", ".join(ENGINES), "threads": str(Cpu().threads), "GPU": described(),
+    facts = {"engines": ", ".join(usable_engines()), "threads": str(Cpu().threads), "GPU": described(),
              "compiled programs": str(cache_folder())} | provenance()  # fmt: skip
     for name, value in facts.items():
         typer.echo(f"{name:20s} {value}")

@@ -57,10 +57,10 @@ def energies(sim: Running, kinetic_taken: float) -> Energies:
         "kinetic": leapfrog_kinetic(sim),
         "strain": float(sim.bond_energy().sum()),
         "gravity": -float(np.dot(sim.gravity, fallen.sum(axis=1))),
-        "damage": sum(float(b["lost"].sum()) for b in bonds if "lost" in b),
-        "dashpots": sum(float(b["damped"].sum()) for b in bonds if "damped" in b),
-        "drag": (float(p["dragged"].sum()) if "dragged" in p else 0.0) + kinetic_taken,
-        "work": float(p["work"].sum()),
+        "damage": sum(b.total("lost") for b in bonds if "lost" in b),
+        "dashpots": sum(b.total("damped") for b in bonds if "damped" in b),
+        "drag": (p.total("dragged") if "dragged" in p else 0.0) + kinetic_taken,
+        "work": p.total("work"),
     }
     return Energies(**values, residual=sum(values.values()) - 2.0 * values["work"])
 

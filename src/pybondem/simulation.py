@@ -165,16 +165,22 @@ class Simulation:
                 block = int(np.clip(n * LONGEST_BLOCK / spent, 1, min(2 * block, MOST_STEPS)))
                 done = self._take_records() and until is not None and until()
                 if progress.due():
-                    progress.update(
-                        self.step - first, time=self.time, unbalanced=self.unbalanced, broken=self.broken,
-                        total_bonds=self.bond_count,
-                    )  # fmt: skip
+                    self._show(progress, self.step - first)
                 if done:
                     break
         if self._interrupted:
             self._interrupted = False
             raise Interrupted(f"stopped by hand after step {self.step}, t = {self.time:.6g} s.")
         return self
+
+    def _show(self, progress: Progress, steps: int) -> None:
+        """Bring the live line up to date; what an engine holds elsewhere is not fetched for its sake."""
+        if self.state.particles.source is not None:
+            progress.update(steps, time=self.time)
+            return
+        progress.update(
+            steps, time=self.time, unbalanced=self.unbalanced, broken=self.broken, total_bonds=self.bond_count
+        )
 
     def _check_model(self) -> None:
         if self.model.changes != self._changes:

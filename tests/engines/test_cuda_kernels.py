@@ -80,7 +80,7 @@ def test_a_cuda_kernel_with_a_users_law_is_one_cooperative_kernel_in_doubles(gpu
     text = gpu_compile.VARIANTS[variant](gpu_compile.program(users(peak=1e-5, viscosity=1e-3)))
     made = compile_kernel(text, capability)
     assert made.ptx.count(".entry") == 1
-    assert made.ptx.count("cudaCGSynchronize") > 0
+    assert len(re.findall(r"call[^;]*cudaCGSynchronize", made.ptx)) == 3
     # Double precision throughout, but for the exponential, which looks at its argument's upper half as a float.
     assert not re.search(r"\b(add|sub|mul|fma|div|sqrt|rcp|ex2|lg2)\.\S*f32", made.ptx)
     # A copy of the loop over half-bonds might be contracted in another way, and both sides of a bond then not agree.
@@ -90,6 +90,22 @@ def test_a_cuda_kernel_with_a_users_law_is_one_cooperative_kernel_in_doubles(gpu
     assert f".maxntid {text.threads}" in made.ptx
     if made.spills is not None:
         assert made.spills <= MOST_SPILLS
+
+
+MEETINGS = {  # what the kernel calls, and where a block (BLOCK) or the whole grid (GRID) waits for itself
+    "bonds": "begin GRID bonds1 GRID turn GRID",
+    "half-bonds": "begin pack_bonds GRID evaluate BLOCK turn BLOCK GRID unpack unpack_bonds GRID",
+}
+
+
+@variants
+def test_a_cuda_kernel_meets_between_its_phases(gpu_compile, variant):
+    """The runs of the phases on the CPU wait of themselves: only the kernel's own text shows that it does."""
+    text = gpu_compile.VARIANTS[variant](gpu_compile.program(users(peak=1e-5, viscosity=1e-3)))
+    kernel = text.source[text.source.index("def advance") :]
+    words = {"grid.sync": "GRID", "cuda.syncthreads": "BLOCK"}
+    calls = [words.get(name, name) for name in re.findall(r"^ +([\w.]+)\(", kernel, re.MULTILINE)]
+    assert " ".join(calls) == MEETINGS[variant]
 
 
 @needs_compiler

@@ -317,6 +317,11 @@ def test_an_error_of_our_own_is_not_taken_for_one_of_the_driver(failing):
     assert device.failed is None
 
 
+def test_too_many_threads_are_refused(plain):
+    with pytest.raises(InputError, match=r"^threads of the engine cuda is 2048; it must not exceed 1024"):
+        Cuda(threads=2048)
+
+
 def test_a_variant_that_there_is_not_is_refused(plain):
     with pytest.raises(InputError, match="variant of the engine cuda"):
         Cuda("bond")  # type: ignore[arg-type]
@@ -441,7 +446,8 @@ def test_what_keeps_a_gpu_from_being_used_is_named(driver, monkeypatch, options,
         monkeypatch.setattr(cuda_device, "_library", no_library)
     with pytest.raises(EngineError) as refused:
         Cuda()
-    assert str(refused.value).endswith(said)
+    assert str(refused.value).startswith("the engine cuda cannot run: ")
+    assert said in str(refused.value)
 
 
 def test_a_hidden_gpu_a_missing_extra_and_the_simulator_are_named(driver, monkeypatch):

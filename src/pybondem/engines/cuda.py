@@ -16,11 +16,12 @@ from pybondem.engines.cuda_launch import Device, Launch, out_of_memory
 from pybondem.engines.cuda_memory import Mirror, Rows
 from pybondem.engines.cuda_phases import fields_of
 from pybondem.engines.cuda_text import THREADS, Text, is_step, stage_text
-from pybondem.errors import EngineError, LawError
+from pybondem.errors import EngineError, InputError, LawError
 from pybondem.program import Program
 from pybondem.state import ENERGY, SCHEDULED_FIELDS, Arrays, Fields
 
 GIVEN = {ENERGY.name, *(field.name for field in SCHEDULED_FIELDS)}  # with each call, not held between calls
+MOST_THREADS = 1024  # of a block
 LEFT_FREE = 2**26  # bytes of GPU memory for the kernel itself
 
 
@@ -135,10 +136,10 @@ class Cuda:
     """Engine "cuda".
 
     variant: how a step is laid out on the GPU. "bonds": one thread per bond, loads through memory, two meetings of all
-    blocks in a step; "half-bonds": one thread for each end of a bond, loads within a block, one meeting; None: what is
-    faster on this GPU. threads: of a block; at_once: blocks that must fit on one multiprocessor, where more of them
-    wait less for memory and leave fewer registers to each. Raises EngineError where no GPU can be used; never runs on
-    anything else.
+    blocks in a step; "half-bonds": one thread for each end of a bond, loads within a block, one meeting; None: what
+    should be faster on this GPU. threads: of a block; at_once: blocks that must fit on one multiprocessor, where more
+    of them wait less for memory and leave fewer registers to each. Raises EngineError where no GPU can be used; never
+    runs on anything else.
     """
 
     name = "cuda"
@@ -147,8 +148,13 @@ class Cuda:
         if variant is not None:
             choice("variant of the engine cuda", variant, get_args(Variant))
         self.threads = whole_number("threads of the engine cuda", threads)
+        if self.threads > MOST_THREADS:
+            raise InputError(f"threads of the engine cuda is {threads}; it must not exceed {MOST_THREADS}.")
         self.at_once = whole_number("at_once of the engine cuda", at_once)
-        self.gpu = usable()
+        try:
+            self.gpu = usable()
+        except EngineError as error:
+            raise EngineError(f"the engine cuda cannot run: {error} The engine cpu needs no GPU.") from None
         self.variant: Variant = variant or fastest(self.gpu.capability)
         self._device = Device(self.gpu)
         self._mirror = Mirror(self._device)

@@ -161,7 +161,11 @@ def _new_enough(found: Gpu) -> Gpu:
 
 
 def fastest(capability: Capability) -> Variant:
-    """Return the variant of the step for a GPU: where double precision is slow, each bond is evaluated only once."""
+    """Return the variant of the step that should be faster on a GPU.
+
+    Where double precision is slow each bond is evaluated only once. By counts of instructions and of memory traffic; no
+    GPU has been measured yet.
+    """
     return "half-bonds" if capability in HALF_RATE else "bonds"
 
 

@@ -23,6 +23,11 @@ from pybondem.engines.cuda_text import Text
 from pybondem.errors import EngineError
 
 DRIVER_ERRORS = {"CudaAPIError", "CudaDriverError", "CudaSupportError", "CUDAError"}  # of numba-cuda and of cuda.core
+FATAL = (  # after these errors of the driver, nothing in GPU memory can be had any more
+    "ILLEGAL_ADDRESS", "LAUNCH_TIMEOUT", "ASSERT", "HARDWARE_STACK_ERROR", "ILLEGAL_INSTRUCTION", "MISALIGNED_ADDRESS",
+    "INVALID_ADDRESS_SPACE", "INVALID_PC", "LAUNCH_FAILED", "ECC_UNCORRECTABLE", "DEVICE_LOST", "CONTEXT_IS_DESTROYED",
+    "UNKNOWN",
+)  # fmt: skip
 SUM_BLOCKS, SUM_THREADS = 64, 256
 
 Launch = Callable[..., None]  # launch(steps, *values)
@@ -125,6 +130,8 @@ class Device:
             if "OUT_OF_MEMORY" in str(error):
                 raise out_of_memory(self.gpu, needed, self.free()) from error
             what = " ".join(str(error).split())
+            if not any(word in what for word in FATAL):
+                raise EngineError(f"the GPU {self.gpu.name} refuses: {what}.") from error
             self.failed = (
                 f"the GPU {self.gpu.name} has failed ({what}) and what it held is lost; the last record or checkpoint "
                 "written is valid. Start a new process to use the GPU again."
@@ -136,7 +143,8 @@ def compiled(text: Text, at_once: int = 1) -> Any:
     """Return the kernel of a text as numba-cuda's dispatcher, which finds on disk what an earlier process compiled.
 
     at_once: blocks that must fit on one multiprocessor, which bounds the registers of a thread. Link-time optimisation
-    is off: what runs is the code whose registers and spills are looked at without a GPU.
+    is off, so that what runs is near to the code whose registers and spills are looked at without a GPU: the linker of
+    the driver's machine may still need some registers more (sm_90: 160 for 153).
     """
     from numba import cuda
 

@@ -16,18 +16,6 @@ from pybondem.state import CHORD
 Numbered = tuple[int, Stage]
 SUMS = ("force", "torque")  # what the gather writes
 
-SUM_OF_LOADS = """\
-for c in range(first[k], first[k + ONE]):
-    bond, side = ends[c] >> ONE, ends[c] & ONE
-    sign, row = 1.0 - 2.0 * side, THREE + THREE * side
-    force_0 += sign * load[0, bond]
-    force_1 += sign * load[1, bond]
-    force_2 += sign * load[2, bond]
-    torque_0 += load[row, bond]
-    torque_1 += load[row + ONE, bond]
-    torque_2 += load[row + TWO, bond]
-"""
-
 
 # The parts of a program -----------------------------------------------------------------------------------------
 
