@@ -109,12 +109,17 @@ def maxwell_energy(d, k, m):
     return 0.5 * (k.kn * n * n + k.ks * (s * s + t * t) + rotation)
 
 
+def with_forces(d, k, n, s, t):
+    """Return springs of elastic elongation and slip n, s, t, and elastic moments."""
+    return Loads(k.kn * n, k.ks * s, k.ks * t, k.kt * d.twist, k.kb * d.bend_s, k.kb * d.bend_t)
+
+
 @bond_law(parameters={"time": "s"}, memory={"n": "m", "s": "m", "t": "m"}, potential=maxwell_energy)
 def maxwell(d, k, m, p, dt):
     """Maxwell, integrated backwards."""
     share = dt / (p.time + dt)
     n, s, t = m.n + share * (d.n - m.n), m.s + share * (d.s - m.s), m.t + share * (d.t - m.t)
-    return with_normal(d, k, k.kn * (d.n - n))._replace(s=k.ks * (d.s - s), t=k.ks * (d.t - t)), n, s, t
+    return with_forces(d, k, d.n - n, d.s - s, d.t - t), n, s, t
 
 
 @bond_law(parameters={"time": "s"}, memory={"n": "m", "s": "m", "t": "m"}, potential=maxwell_energy)
@@ -122,7 +127,7 @@ def maxwell_forwards(d, k, m, p, dt):
     """Maxwell, integrated forwards."""
     share = dt / p.time
     n, s, t = m.n + share * (d.n - m.n), m.s + share * (d.s - m.s), m.t + share * (d.t - m.t)
-    return with_normal(d, k, k.kn * (d.n - n))._replace(s=k.ks * (d.s - s), t=k.ks * (d.t - t)), n, s, t
+    return with_forces(d, k, d.n - n, d.s - s, d.t - t), n, s, t
 
 
 @damage_law(parameters={"cycles": "1", "size": "m"}, memory={"last": "m", "D": "1"})
