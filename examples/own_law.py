@@ -30,8 +30,7 @@ pull = sim.record(every=20, force=bd.reaction(bottom, "z"), strain=bd.strain(bot
 sim.run(until=lambda: pull.force.last < 0.2 * pull.force.max and pull.broken.last > 0)
 pull.plot("strain", "force", path="own_law_tension.png")
 
-G_f = fading.toughness["opening"](law.parameters, 1e9 / 1e-3)  # stiffness per area of a bond: E / length
+G_f = fading.toughness["opening"](law.parameters, 1e9 / 1e-3)  # here the stiffness per area of a bond is E / length
 parted = G_f * sim.bonds(bonds).area[sim.bonds(bonds).damage == 1.0].sum()
-print(
-    f"G_f = {G_f:.1f} J/m2; damage took {sim.energies.damage / parted:.2f} times that of the {sim.broken} broken bonds."
-)
+print(f"G_f = {G_f:.1f} J/m2: opening the {sim.broken} broken bonds took {1e3 * parted:.2f} mJ,")
+print(f"all damage {1e3 * sim.energies.damage:.2f} mJ, with the shear in them and the bonds that did not break.")

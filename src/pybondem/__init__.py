@@ -4,8 +4,8 @@ from pybondem import examples, interface, laws, packing, scatter, statics, theor
 from pybondem.bonds import Bond, Joint, euler_bernoulli, parallel, springs, timoshenko
 from pybondem.damping import kinetic, local, viscous
 from pybondem.errors import BondemError, EngineError, InputError, LawError, SelectionError, UnstableError
+from pybondem.laws import bilinear, strength
 from pybondem.laws.law import bond_law, damage_law
-from pybondem.laws.library import bilinear, strength
 from pybondem.laws.parameters import Parameter
 from pybondem.measure import applied, broken, displacement, energy, reaction, slip, strain, stress, unbalanced
 from pybondem.model import Model, Selection

@@ -148,11 +148,7 @@ def damage_answer_of_modes(element: Element, law: LawFunction, words: int, flows
         k, s, D, U = state.k, stretch(rel, ref), state.damage, state.potential
         seen = felt(s, k, state.section, ref)
         new, memory = law(seen, k, state.memory, state.parameters, rates(rel, ref, i, j), dt)
-        sane_n, sane_r = (
-            where(sane(new.normal), sane(new.shear), False),
-            where(sane(new.twist), sane(new.bending), False),
-        )
-        sound = where(where(sane_n, sane_r, False), finite(total(memory)), False)
+        sound = where(all_sane(new), finite(total(memory)), False)
         memory = held(sound, memory, state.memory)
         now = Damage(
             where(sound, new.normal, D[0]), where(sound, new.shear, D[1]),
@@ -338,6 +334,12 @@ def no_damage(memory: Any) -> Number:
 def sane(damage: Number) -> Any:
     """Return whether a damage lies between 0 and 1 (but for round-off) and is a number."""
     return absolute(damage - 0.5) <= 0.5 + ROUND_OFF
+
+
+def all_sane(damage: Damage) -> Any:
+    """Return whether the damage of each mode is sane."""
+    across = where(sane(damage.twist), sane(damage.bending), False)
+    return where(sane(damage.normal), where(sane(damage.shear), across, False), False)
 
 
 def finite(a: Number) -> Any:

@@ -98,7 +98,7 @@ def refuse_values(state: Assembly, steps: tuple[int, int]) -> None:
             i, j = (int(state.order[arrays[end][k]]) for end in "ij")
             raise UnstableError(
                 f"the motion has blown up {when}: the bond between particles {i} and {j} is {1.0 + opening:.3g} times "
-                f"as long as at first, and {count - 1} others are no better; lower dt."
+                f"as long as at first, the first of {count} such bonds; lower dt."
             )
         raise LawError(
             f"{_which(state, number, k)} gave a damage outside 0 to 1, or a value that is "

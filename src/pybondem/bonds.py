@@ -102,8 +102,9 @@ class ValuedLaw:
 class Bond:
     """A bond: elastic form, law (None: unbreakable), damping ratio zeta of its dashpots [-].
 
-    hand_over: once all of it has failed the bond answers nothing, not even to being pressed together: its pair goes to
-    a contact law. By default a broken bond that is pressed together keeps its normal stiffness.
+    hand_over (not for bond laws, which decide that themselves): once all of it has failed, damage 1 in every mode, the
+    bond answers nothing, not even to being pressed together: its pair goes to a contact law. By default a broken bond
+    that is pressed together keeps its normal stiffness.
     """
 
     elastic: Elastic

@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from pybondem import laws as library
 from pybondem.bonds import ValuedLaw
-from pybondem.laws import library
 from pybondem.physics.types import ComponentRates, Components, Deformation, Loads, Rate, Stiffness
 
 KN, KS = 2e11, 0.5e11  # normal and shear stiffness per area [Pa/m]

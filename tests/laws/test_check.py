@@ -183,7 +183,7 @@ def test_right_laws_pass(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", laws.library.__all__)
+@pytest.mark.parametrize("name", laws.__all__)
 def test_library_passes_on_all_engines(name):
     report = check_law(typical(name), quiet=True)
     assert report.passed, str(report)

@@ -1,6 +1,7 @@
 """Laws as decorated functions: what they may say, that engines agree, and what is said of functions that are none."""
 
 import math
+import re
 import sys
 from collections.abc import Callable
 from typing import Any
@@ -372,13 +373,11 @@ def wrong(text: str, **declared: Any) -> str:
         ("def law(d):\n return 0.0", {"parameters": ["a"]}, r"^the parameters of law are \['a'\]; give names"),
         ("def law(d):\n return 0.0", {"parameters": {"a": "furlong"}}, r"^parameter 'a' of law: 'furlong' in the unit"),
         ("def law(d):\n return 0.0", {"parameters": {"a": "MPa"}}, r"declared in 'MPa', but values are not converted"),
-        ("def law(d):\n return 0.0", {"toughness": {"shear": abs}}, r"declared in 'shear'; it must be in"),
+        ("def law(d):\n return 0.0", {"toughness": {"shear": abs}}, r"toughness of law in 'shear' is"),
         ("law = 3", {}, r"^a damage law is made of a function, def law\(d, m, p\): ...; got 3"),
     ],
 )  # fmt: skip
 def test_what_is_no_law_is_refused_where_it_is_declared(text: str, declared: dict[str, Any], says: str) -> None:
-    import re
-
     said = wrong(text, **declared)
     assert re.search(says, said), said
 
@@ -580,7 +579,27 @@ def test_a_bond_that_cannot_be_pulled_is_broken_but_not_failed(engine: str, pair
     assert len(sim.failed_pairs) == 0
 
 
-@pytest.mark.skipif(sys.version_info < (3, 12), reason="Python 3.12 and later know which names may have no value")
-def test_a_name_with_a_value_in_one_branch_only_is_refused() -> None:
-    said = wrong("def law(d):\n if d.slip < 0.0:\n  a = 1.0\n return 0.0 * a")
-    assert said == "law (law.py, line 4) uses a, which has a value in some branches only."
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("def law(d):\n if d.slip < 0.0:\n  a = 1.0\n return 0.0 * a", 4),
+        (
+            "def law(d):\n if d.slip < 0.0:\n  b = 1.0\n elif d.slip > 1.0:\n"
+            "  b = a = 2.0\n else:\n  b = 3.0\n return a * b",
+            8,
+        ),
+        ("def law(d):\n for a in (1.0, 2.0):\n  if a > 1.0:\n   c = a\n return 0.0 * c", 5),
+    ],
+)  # fmt: skip
+def test_a_name_with_a_value_in_one_branch_only_is_refused(text: str, line: int) -> None:
+    said = wrong(text)
+    assert re.fullmatch(rf"law \(law.py, line {line}\) uses [ac], which has a value in some branches only.", said), said
+
+
+def test_a_name_with_a_value_in_every_branch_is_not() -> None:
+    text = (
+        "def law(d):\n if d.slip < 0.0:\n  a = 1.0\n elif d.slip > 1.0:\n  a = 0.5\n else:\n  a = 0.1\n return 0.0 * a"
+    )
+    names: dict[str, Any] = {}
+    exec(text, names)
+    assert bd.damage_law(names["law"])().branches

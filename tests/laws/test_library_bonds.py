@@ -10,9 +10,9 @@ from laws.driven import AREA, LAWS, LENGTH, answers
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from pybondem import laws as library
 from pybondem.bonds import ValuedLaw
 from pybondem.engines.reference import on_arrays
-from pybondem.laws import library
 from pybondem.physics.types import ComponentRates, Components, Stiffness
 
 Floats = NDArray[np.float64]

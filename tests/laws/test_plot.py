@@ -10,9 +10,10 @@ import pytest
 from numpy.typing import NDArray
 
 import pybondem as bd
+from pybondem import laws as library
 from pybondem.bonds import ValuedLaw
 from pybondem.errors import InputError
-from pybondem.laws import library, paths
+from pybondem.laws import paths
 from pybondem.laws.plot import plot_law
 
 Floats = NDArray[np.float64]

@@ -10,7 +10,8 @@ import numpy as np
 
 from pybondem.engines.cuda_partition import half_bonds, share_out
 from pybondem.engines.cuda_phases import SUMS, Phases, fields_of, indented, seen_by, written_by
-from pybondem.engines.cuda_text import NO_SUMS, THREADS, Private, Rounds, Sweep, Text, blocks_for, each, text_of
+from pybondem.engines.cuda_text import THREADS, Private, Rounds, Sweep, Text, blocks_for, each, text_of
+from pybondem.engines.lookups import NO_SUMS
 from pybondem.program import Program, Stage
 
 SECTOR = 4  # doubles that memory hands out at once
@@ -55,7 +56,7 @@ def half_bond_text(program: Program, threads: int = THREADS) -> Text:
     main = Sweep((evaluate, turn), "owners.shape[0] - 1", "chunks[block]")
     private = phases.private(threads)
     rounds = Rounds((tuple(first),), ((main,),), (tuple(last),))
-    most = max(len(private["chunks"].initial), -(-len(shared["first"]) // threads))  # type: ignore[arg-type]
+    most = max(private["chunks"].shape[0], -(-len(shared["first"]) // threads))
     return text_of(phases, rounds, private, threads, most)
 
 

@@ -18,23 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pybondem.engines.cuda_phases import Phases, cycle_of, indented, written_by
-from pybondem.engines.lookups import INDEX_WORDS
+from pybondem.engines.lookups import INDEX_WORDS, NO_SUMS, SUM_OF_LOADS
 from pybondem.program import Body, Program, Stage
 
 THREADS = 256
-
-NO_SUMS = "force_0 = force_1 = force_2 = torque_0 = torque_1 = torque_2 = 0.0"
-SUM_OF_LOADS = """\
-for c in range(first[k], first[k + ONE]):
-    bond, side = ends[c] >> ONE, ends[c] & ONE
-    sign, row = 1.0 - 2.0 * side, THREE + THREE * side
-    force_0 += sign * load[0, bond]
-    force_1 += sign * load[1, bond]
-    force_2 += sign * load[2, bond]
-    torque_0 += load[row, bond]
-    torque_1 += load[row + ONE, bond]
-    torque_2 += load[row + TWO, bond]
-"""
 
 
 class Sweep(NamedTuple):

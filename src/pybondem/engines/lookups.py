@@ -10,6 +10,19 @@ from pybondem.state import CHORD, GROUP_FIELDS, SCHEDULED_FIELDS
 GROUP = {f.name for f in GROUP_FIELDS}
 SCHEDULED = {f.name for f in SCHEDULED_FIELDS}
 
+NO_SUMS = "force_0 = force_1 = force_2 = torque_0 = torque_1 = torque_2 = 0.0"
+SUM_OF_LOADS = """\
+for c in range(first[k], first[k + ONE]):
+    bond, side = ends[c] >> ONE, ends[c] & ONE
+    sign, row = 1.0 - 2.0 * side, THREE + THREE * side
+    force_0 += sign * load[0, bond]
+    force_1 += sign * load[1, bond]
+    force_2 += sign * load[2, bond]
+    torque_0 += load[row, bond]
+    torque_1 += load[row + ONE, bond]
+    torque_2 += load[row + TWO, bond]
+"""
+
 INDEX_WORDS = {"ONE": np.uint32(1), "TWO": np.uint32(2), "THREE": np.uint32(3)}
 
 

@@ -4,27 +4,21 @@ The text holds nothing but loops, array look-ups by field name, and calls of the
 compiles it, the interpreted engine runs it as it is.
 """
 
+from textwrap import indent
 from typing import Any
 
-from pybondem.engines.lookups import Lookups
+from pybondem.engines.lookups import NO_SUMS, SUM_OF_LOADS, Lookups
 from pybondem.program import Body, Program, Stage
 from pybondem.state import Arrays
 
-GATHER = """\
-        for k in prange(p_force.shape[1]):
-            fx = fy = fz = tx = ty = tz = 0.0
-            for c in range(first[k], first[k + ONE]):
-                bond, side = ends[c] >> ONE, ends[c] & ONE
-                sign, row = 1.0 - 2.0 * side, THREE + THREE * side
-                fx += sign * load[0, bond]
-                fy += sign * load[1, bond]
-                fz += sign * load[2, bond]
-                tx += load[row, bond]
-                ty += load[row + ONE, bond]
-                tz += load[row + TWO, bond]
-            p_force[0, k], p_force[1, k], p_force[2, k] = fx, fy, fz
-            p_torque[0, k], p_torque[1, k], p_torque[2, k] = tx, ty, tz
-"""
+GATHER = "        for k in prange(p_force.shape[1]):\n" + indent(
+    NO_SUMS
+    + "\n"
+    + SUM_OF_LOADS
+    + "p_force[0, k], p_force[1, k], p_force[2, k] = force_0, force_1, force_2\n"
+    + "p_torque[0, k], p_torque[1, k], p_torque[2, k] = torque_0, torque_1, torque_2\n",
+    12 * " ",
+)
 
 
 class Loops(Lookups):

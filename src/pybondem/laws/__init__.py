@@ -1,4 +1,27 @@
-"""Laws of bonds: the published ones by name, and what declares one's own."""
+"""Laws of bonds: the published ones by name. `damage_law` and `bond_law` declare one's own."""
 
-from pybondem.laws.library import *  # noqa: F403
-from pybondem.laws.library import __all__ as __all__
+from pybondem.laws.library.bilinear import bilinear, bilinear_tension
+from pybondem.laws.library.concrete import concrete
+from pybondem.laws.library.exponential import exponential, exponential_tension
+from pybondem.laws.library.mixed_mode import (
+    bilinear_bk,
+    bilinear_power,
+    exponential_bk,
+    exponential_power,
+    trapezoidal_bk,
+    trapezoidal_power,
+)
+from pybondem.laws.library.mohr_coulomb import mohr_coulomb
+from pybondem.laws.library.plastic_slip import plastic_slip
+from pybondem.laws.library.rate_strength import rate_strength
+from pybondem.laws.library.strength import strength
+from pybondem.laws.library.thermal import thermal
+from pybondem.laws.library.trapezoidal import trapezoidal, trapezoidal_tension
+
+__all__ = [
+    "strength", "mohr_coulomb", "rate_strength",
+    "bilinear", "bilinear_tension", "exponential", "exponential_tension", "trapezoidal", "trapezoidal_tension",
+    "bilinear_bk", "bilinear_power", "exponential_bk", "exponential_power", "trapezoidal_bk", "trapezoidal_power",
+    "concrete",
+    "plastic_slip", "thermal",
+]  # fmt: skip

@@ -56,10 +56,13 @@ class Law:
         self._read: Reading = read_function(self.name, user, kind, typical, self._words, potential)
 
     def _check_toughness(self) -> None:
-        """Raise LawError where the declared toughness is of no mode, or cannot be evaluated."""
-        for mode in self.toughness:
-            if mode not in MODES:
-                raise LawError(f"the toughness of {self.name} is declared in {mode!r}; it must be in {MODES}.")
+        """Raise LawError where a toughness is declared of no mode that there is, or as no function."""
+        for mode, function in self.toughness.items():
+            if mode not in MODES or not callable(function):
+                raise LawError(
+                    f"the toughness of {self.name} in {mode!r} is {function!r}; declare functions (p, k) in 'opening' "
+                    "or 'slip'."
+                )
 
     def __repr__(self) -> str:
         lines = [f"{self.name}({', '.join(self.parameters)}): a {self.kind} law"]

@@ -31,6 +31,9 @@ NAMES = {"damage": ("d", "m", "p", "rate", "dt"), "bond": ("d", "k", "m", "p", "
 ALL = NAMES["bond"]
 FLOWS = {"rate", "dt"}  # what a law must ask for: it costs the velocities of both ends
 EFFECTS = {"STORE_SUBSCR", "STORE_SLICE", "STORE_ATTR", "STORE_GLOBAL", "DELETE_SUBSCR", "DELETE_ATTR", "DELETE_GLOBAL"}
+JUMPS = {*dis.hasjrel, *dis.hasjabs}
+ENDS = {"RETURN_VALUE", "RETURN_CONST", "RAISE_VARARGS", "RERAISE", "JUMP_FORWARD", "JUMP_BACKWARD",
+        "JUMP_BACKWARD_NO_INTERRUPT"}  # fmt: skip
 
 # Without one of the arguments (d, k, m, p, rate, dt); compilers need the places as constants.
 DROP: dict[str, Callable[[Function], Function]] = {
@@ -80,6 +83,7 @@ def read_function(name: str, user: Function, kind: str, values: Any, words: Any,
     """
     named = _arguments(name, user, NAMES[kind], kind)
     _refuse_effects(name, user)
+    _refuse_missing_values(name, user)
     own = _frozen(name, user)
     nothing = words(*(0.0 for _ in words._fields))
     given = {**SAMPLES[kind], "k": Stiffness(1e6, 1e6, 1.0, 1.0), "m": nothing, "p": values, "dt": 1e-6}
@@ -167,7 +171,8 @@ def _check_names(name: str, user: Function, named: tuple[str, ...], given: dict[
 
 def _refuse_effects(name: str, user: Function, seen: tuple[Function, ...] = ()) -> None:
     """Raise LawError where a law, or a function that it calls, changes something, or uses what others may change."""
-    for value in globals_of(user).values():
+    cells = inspect.getclosurevars(user).nonlocals
+    for value in (*globals_of(user).values(), *cells.values()):
         mine = inspect.isfunction(value) and not (value.__module__ or "").startswith("pybondem.")
         if mine and value not in (user, *seen):
             _refuse_effects(f"{name}, which calls {value.__name__},", value, (*seen, user))
@@ -178,16 +183,48 @@ def _refuse_effects(name: str, user: Function, seen: tuple[Function, ...] = ()) 
                 f"{name} ({_at(user, line)}) writes into something; a law makes new numbers and changes nothing, so "
                 "that it can run on any engine and for all bonds at once."
             )
-        if step.opname == "LOAD_FAST_CHECK":  # Python 3.12 and later know
-            line = step.positions.lineno if step.positions else None
-            raise LawError(f"{name} ({_at(user, line)}) uses {step.argval}, which has a value in some branches only.")
-    cells = inspect.getclosurevars(user).nonlocals if inspect.isfunction(user) else {}
     for word, value in {**globals_of(user), **cells}.items():
         if isinstance(value, list | dict | set):
             raise LawError(
                 f"{name} ({_where(user)}) uses {word}, a {type(value).__name__} from outside, which may change; give "
                 "it numbers as parameters, or a tuple."
             )
+
+
+def _refuse_missing_values(name: str, user: Function) -> None:
+    """Raise LawError where a law uses a name of its own that has a value in some branches only.
+
+    Python says so when such a branch is taken, compiled code takes what happens to be in memory.
+    """
+    steps = list(dis.get_instructions(user))
+    at = {step.offset: k for k, step in enumerate(steps)}
+    code = user.__code__
+    arguments = frozenset(code.co_varnames[: code.co_argcount])
+    known: dict[int, frozenset[str]] = {}
+    waiting = [(0, arguments)]
+    while waiting:
+        k, has = waiting.pop()
+        if k in known and known[k] <= has:
+            continue
+        has = known[k] = known.get(k, has) & has
+        step = steps[k]
+        names = step.argval if isinstance(step.argval, tuple) else (step.argval,)
+        if step.opname.startswith("STORE_FAST"):
+            has |= {n for n in names if isinstance(n, str)}
+        if step.opcode in JUMPS and step.argval in at:
+            waiting.append((at[step.argval], has))
+        if step.opname not in ENDS and k + 1 < len(steps):
+            waiting.append((k + 1, has))
+    for k, has in known.items():
+        step = steps[k]
+        if step.opname.startswith("LOAD_FAST") and "AND_CLEAR" not in step.opname:
+            names = step.argval if isinstance(step.argval, tuple) else (step.argval,)
+            missing = [n for n in names if n not in has]
+            if missing:
+                line = step.positions.lineno if step.positions else None
+                raise LawError(
+                    f"{name} ({_at(user, line)}) uses {missing[0]}, which has a value in some branches only."
+                )
 
 
 def _called(name: str, user: Function, named: tuple[str, ...], given: dict[str, Any]) -> Any:
@@ -236,7 +273,7 @@ def _branches(user: Function, named: tuple[str, ...], given: dict[str, Any]) -> 
         with np.errstate(all="ignore"):
             two = [_as(lambda v: np.full(2, v), given[argument]) for argument in named]
             on_arrays(user)(*two)
-    except Exception:
+    except Exception:  # it has been called with numbers before: it is arrays that it cannot take
         return True
     return False
 
