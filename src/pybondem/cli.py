@@ -1,4 +1,4 @@
-"""The command line: `pybondem run`, `pybondem examples`, `pybondem info`."""
+"""The command line: `pybondem run`, `pybondem paper`, `pybondem examples`, `pybondem info`."""
 
 import runpy
 import sys
@@ -37,6 +37,7 @@ Output = Annotated[Path | None, typer.Option("--output", "-o", help="Result fold
 Engine = Annotated[str, typer.Option(help="cpu, cuda, reference or interpreted.")]
 Threads = Annotated[int | None, typer.Option(help="Threads of the cpu engine; by default the physical cores.")]
 Set = Annotated[list[str] | None, typer.Option("--set", "-s", help="Change a value of an example: -s diameter=0.5")]
+Quick = Annotated[bool, typer.Option("--quick", help="Coarse and short: to see that it works, not to be quoted.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no closing block.")]
 
 
@@ -57,6 +58,28 @@ def run(case: str, output: Output = None, engine: Engine = "cpu", threads: Threa
             result = make(**parsed(case, values or [])).run(engine=engine, threads=threads, folder=output, quiet=quiet)
             if quiet:
                 typer.echo(result.folder)
+
+
+@app.command()
+def paper(figure: str, output: Output = None, engine: Engine = "cpu", threads: Threads = None, quick: Quick = False,
+          quiet: Quiet = False) -> None:  # fmt: skip
+    """Make a figure of the paper from our own runs, beside the exact answer: fig1, fig2, fig3, fig4 or all."""
+    from pybondem.output.folder import result_folder
+    from pybondem.paper import FIGURES, Effort, make
+
+    with exit_codes():
+        if figure not in (*FIGURES, "all"):
+            there_are = "; ".join(f"{name}: {shows}" for name, (_, shows) in FIGURES.items())
+            raise InputError(
+                f"there is no figure {figure!r}{nearest(figure, FIGURES)}; {there_are}; or all of them: all."
+            )
+        folder = result_folder(f"paper-{figure}", path=output)
+        for name in FIGURES if figure == "all" else [figure]:
+            sheet = make(name, folder / name if figure == "all" else folder, Effort(quick, engine, threads, quiet))
+            if not quiet:
+                sheet.show()
+        if quiet:
+            typer.echo(folder)
 
 
 @app.command()
