@@ -10,7 +10,9 @@ from pathlib import Path
 from pybondem.output.sheet import Sheet
 from pybondem.paper.effort import Effort
 
-# The module and the function of each figure, and what it shows.
+__all__ = ["Effort", "FIGURES", "make"]
+
+# The module of each figure, and what it shows.
 FIGURES = {
     "fig1": ("speed", "time of a step by number of particles, on every engine"),
     "fig2": ("pictures", "fibre and matrix, cut open, coloured by part, damage and stress; and to turn in a browser"),
