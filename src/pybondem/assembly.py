@@ -263,8 +263,8 @@ def bond_stage(done: Assembly, number: int) -> Stage:
         parameters = (type(law.parameters), *(f"p_{n}" for n in law.parameters._fields))
         book = WRITES[law.kind, law.modes]
         read = book if len(book) == 3 or law.kind == "bond" else book[1:]  # the least damage of all modes is only told
-        kind = Loading if law.kind == "bond" else Damaging
-        state = (kind, STIFFNESS, SECTION, parameters, (law.memory, *memory), *read)
+        kind: Reads = (Loading, STIFFNESS, SECTION) if law.kind == "bond" else (Damaging, STIFFNESS, SECTION, "growing")
+        state = (*kind, parameters, (law.memory, *memory), *read)
         writes += (*book, *memory)
     answer = _answer(bonds, element)
     reads: Reads = (POSE_I, POSE_J, reference(bonds), state)

@@ -61,10 +61,14 @@ class Elastic(NamedTuple):
 
 
 class Damaging(NamedTuple):
-    """What a bond under a damage law is made of; damage and potential: one number, or one for each mode."""
+    """What a bond under a damage law is made of; damage and potential: one number, or one for each mode.
+
+    growing: 1, or 0 while damage is frozen.
+    """
 
     k: Stiffness
     section: Section
+    growing: Number
     parameters: Any
     memory: Any
     damage: Any
@@ -123,7 +127,8 @@ def damage_answer(element: Element, law: LawFunction, words: int, flows: bool, h
         seen = felt(s, k, state.section, ref)
         now, memory = law(seen, k, state.memory, state.parameters, rates(rel, ref, i, j), dt)
         sound = where(sane(now), finite(total(memory)), False)
-        memory, now = held(sound, memory, state.memory), where(sound, now, state.damage)
+        grows = where(state.growing > 0.0, sound, False)
+        memory, now = held(grows, memory, state.memory), where(grows, now, state.damage)
         energy = energy_open_to_damage(s, k)
         taken = (now - state.damage) * sqrt(state.potential * energy) + released(s, k, alike(state.damage), alike(now))
         damage, lost = alike(now), state.lost + where(sound, taken, NOT_A_NUMBER)
@@ -149,10 +154,11 @@ def damage_answer_of_modes(element: Element, law: LawFunction, words: int, flows
         seen = felt(s, k, state.section, ref)
         new, memory = law(seen, k, state.memory, state.parameters, rates(rel, ref, i, j), dt)
         sound = where(all_sane(new), finite(total(memory)), False)
-        memory = held(sound, memory, state.memory)
+        grows = where(state.growing > 0.0, sound, False)
+        memory = held(grows, memory, state.memory)
         now = Damage(
-            where(sound, new.normal, D[0]), where(sound, new.shear, D[1]),
-            where(sound, new.twist, D[2]), where(sound, new.bending, D[3]),
+            where(grows, new.normal, D[0]), where(grows, new.shear, D[1]),
+            where(grows, new.twist, D[2]), where(grows, new.bending, D[3]),
         )  # fmt: skip
         energy = energies_open_to_damage(s, k)
         taken = (now.normal - D[0]) * sqrt(U[0] * energy[0]) + (now.shear - D[1]) * sqrt(U[1] * energy[1])

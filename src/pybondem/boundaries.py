@@ -71,8 +71,11 @@ class GroupTables:
                     held[list(condition.schedules), g] = 1.0
         self.hold, self.turn_hold = held[:3].copy(), held[3:].copy()
 
-    def schedule(self, start: int, steps: int, dt: float) -> Arrays:
-        """Return the scheduled fields for `steps` steps of dt [s] from step `start` on: (steps + 1, 3, groups) each."""
+    def schedule(self, start: int, steps: int, dt: float, growing: bool = True) -> Arrays:
+        """Return the scheduled fields for `steps` steps of dt [s] from step `start` on: (steps + 1, 3, groups) each.
+
+        growing: whether damage may grow, (steps + 1,).
+        """
         times = dt * np.arange(start, start + steps + 2, dtype=np.float64)
         moving, pushing = (np.zeros((steps + 1, 6, len(self._groups))) for _ in range(2))
         for g, conditions in enumerate(self._groups):
@@ -87,4 +90,5 @@ class GroupTables:
             "spin": np.ascontiguousarray(moving[:, 3:]),
             "push": np.ascontiguousarray(pushing[:, :3]),
             "push_torque": np.ascontiguousarray(pushing[:, 3:]),
+            "growing": np.full(steps + 1, float(growing)),
         }

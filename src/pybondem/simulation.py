@@ -79,6 +79,7 @@ class Simulation:
             raise InputError(f"engine is {engine!r}; give the name of one, such as 'cpu', or an engine.")
         self.engine: Engine = engine
         self.step = 0
+        self._damage_grows = True
         self.stepping = 0.0  # wall time spent in the engine's steps [s]
         self.records: list[Record] = []
         self._kinetic = damping if isinstance(damping, Kinetic) else None
@@ -173,6 +174,24 @@ class Simulation:
             raise Interrupted(f"stopped by hand after step {self.step}, t = {self.time:.6g} s.")
         return self
 
+    @property
+    def damage_grows(self) -> bool:
+        """Whether damage may grow, True at first. Set to False, every damage law keeps its damage and its memory.
+
+        For unloading without further damage, say. Setting it raises InputError where bonds are under a bond law, whose
+        loads are its own.
+        """
+        return self._damage_grows
+
+    @damage_grows.setter
+    def damage_grows(self, grows: bool) -> None:
+        for bonds in self.model.bonds:
+            if bonds.bond.law is not None and bonds.bond.law.kind == "bond":
+                raise InputError(
+                    f"damage cannot be frozen under {bonds.bond.law.name}: it is a bond law; see damage_law."
+                )
+        self._damage_grows = bool(grows)
+
     def _show(self, progress: Progress, steps: int) -> None:
         """Bring the live line up to date; what an engine holds elsewhere is not fetched for its sake."""
         if self.state.particles.source is not None:
@@ -213,7 +232,7 @@ class Simulation:
     def _advance(self, n: int) -> None:
         """Advance n steps inside the engine."""
         began = clocks.perf_counter()
-        self._runner.advance(n, self.dt, self.state.tables.schedule(self.step, n, self.dt))
+        self._runner.advance(n, self.dt, self.state.tables.schedule(self.step, n, self.dt, self._damage_grows))
         self.stepping += clocks.perf_counter() - began
         self.step += n
         if not np.isfinite(self.state.particles.total("x")):
@@ -249,7 +268,7 @@ class Simulation:
 
     def _load(self) -> None:
         """Evaluate the loads where the model stands: a step of no length."""
-        now = self.state.tables.schedule(self.step, 0, self.dt)
+        now = self.state.tables.schedule(self.step, 0, self.dt, self._damage_grows)
         self._runner.advance(1, 0.0, {name: np.concatenate([row, row]) for name, row in now.items()})
         refuse_values(self.state, (self.step, self.step))
 

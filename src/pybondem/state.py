@@ -86,6 +86,9 @@ SCHEDULED_FIELDS = (
     Field("push_torque", 3, np.float64, "N m", "torque put on the particle"),
 )
 
+# (steps + 1,): the same for all bonds.
+GROWING = Field("growing", 1, np.float64, "-", "1 where damage may grow in the step, 0 where it is frozen")
+
 
 class Holder(Protocol):
     """Who holds newer versions of host arrays: an engine with memory of its own."""

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from pybondem.program import Program, Stage
-from pybondem.state import CHORD, GROUP_FIELDS, SCHEDULED_FIELDS
+from pybondem.state import CHORD, GROUP_FIELDS, GROWING, SCHEDULED_FIELDS
 
 GROUP = {f.name for f in GROUP_FIELDS}
 SCHEDULED = {f.name for f in SCHEDULED_FIELDS}
@@ -70,6 +70,9 @@ class Lookups:
         if field == CHORD:
             ends = (self.item("p", particles, "start", end) for end in "ji")
             return [f"{b} - {a}" for b, a in zip(*ends, strict=True)]
+        if field == GROWING.name:
+            self.arguments[field] = shared[field]
+            return [f"{field}[step]"]
         if field in SCHEDULED:
             self.arguments[field] = shared[field]
             row = "step + 1" if stage.after else "step"

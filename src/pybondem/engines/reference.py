@@ -13,7 +13,7 @@ from pybondem.engines.compile_errors import stopped
 from pybondem.engines.lookups import GROUP, SCHEDULED
 from pybondem.errors import LawError
 from pybondem.program import Program, Stage
-from pybondem.state import CHORD, Arrays
+from pybondem.state import CHORD, GROWING, Arrays
 
 
 def largest(*values: Any) -> Any:
@@ -118,7 +118,7 @@ class ReferenceRunner:
             kind, *fields = name
             return kind(*(self._read(stage, f, rows) for f in fields))
         field, _, end = name.partition(".")
-        if field == "dt":
+        if field in ("dt", GROWING.name):
             return rows[field]
         if field in SCHEDULED or field in GROUP:
             table = rows[field] if field in SCHEDULED else self._program.shared[field]
