@@ -3,6 +3,7 @@
 from pybondem import examples, interface, laws, packing, scatter, statics, theory
 from pybondem.bonds import Bond, Joint, euler_bernoulli, parallel, springs, timoshenko
 from pybondem.damping import kinetic, local, viscous
+from pybondem.drivers import dissipation_control, load_unload
 from pybondem.errors import BondemError, EngineError, InputError, LawError, SelectionError, UnstableError
 from pybondem.laws import bilinear, strength
 from pybondem.laws.law import bond_law, damage_law
@@ -22,8 +23,8 @@ __all__ = [
     "Bond", "BondemError", "Box", "Components", "Cylinder", "Damage", "Deformation", "EngineError", "InputError",
     "Interrupted", "Joint", "LawError", "Loads", "Model", "Parameter", "Results", "Selection", "SelectionError",
     "Simulation", "Sphere", "UnstableError", "absolute", "applied", "bilinear", "bond_law", "broken", "damage_law",
-    "displacement", "energy", "euler_bernoulli", "examples", "exp", "hold", "interface", "kinetic", "laws", "local",
-    "log", "maximum", "minimum", "packing", "parallel", "power", "ramp", "reaction", "scatter", "slip", "smooth",
-    "springs", "sqrt", "statics", "strain", "strength", "stress", "table", "theory", "timoshenko", "unbalanced",
-    "viscous", "where",
+    "displacement", "dissipation_control", "energy", "euler_bernoulli", "examples", "exp", "hold", "interface",
+    "kinetic", "laws", "load_unload", "local", "log", "maximum", "minimum", "packing", "parallel", "power", "ramp",
+    "reaction", "scatter", "slip", "smooth", "springs", "sqrt", "statics", "strain", "strength", "stress", "table",
+    "theory", "timoshenko", "unbalanced", "viscous", "where",
 ]  # fmt: skip

@@ -9,6 +9,7 @@ from scipy.linalg import eigh_tridiagonal
 
 from pybondem.assembly import Assembly, linear_program
 from pybondem.engines.base import Engine
+from pybondem.program import Program
 
 Floats = NDArray[np.float64]
 FEW = 200  # components for which the matrix is small enough to solve outright
@@ -27,13 +28,13 @@ class Limit:
 
 
 class Stiffness:
-    """The model's stiffness (or its dashpots) as an operator, matrix-free, on the engine: u -> K u, both (6, n).
+    """The model's stiffness as an operator, matrix-free, on the engine: u -> K u, both (6, n).
 
-    free (6, n): 0 for held components, 1 for the others; scale (6, n): 1 / sqrt(mass) and 1 / sqrt(inertia).
+    program: a linear program, by default that of the model's undamaged bonds (`linear_program`); free (6, n): 0 for held components, 1 for the others; scale (6, n): 1 / sqrt(mass) and 1 / sqrt(inertia).
     """
 
-    def __init__(self, done: Assembly, engine: Engine, dashpots: bool = False) -> None:
-        self._program = linear_program(done, dashpots)
+    def __init__(self, done: Assembly, engine: Engine, program: Program | None = None) -> None:
+        self._program = program or linear_program(done)
         self._runner = engine.prepare(self._program)
         held = np.concatenate([done.tables.hold, done.tables.turn_hold])[:, done.particles["group"]]
         self.free = 1.0 - held
@@ -68,7 +69,7 @@ def stability_limit(done: Assembly, engine: Engine) -> Limit:
     if squared <= 0.0:
         return Limit(np.inf, 0.0, 0)
     damped = any(bonds.bond.damping > 0.0 for bonds in done.model.bonds)
-    c = Stiffness(done, engine, dashpots=True).largest() if damped else 0.0
+    c = Stiffness(done, engine, linear_program(done, dashpots=True)).largest() if damped else 0.0
     dt = 2.0 * (np.sqrt(c * c + squared) - c) / squared
     return Limit(float(dt), float(np.sqrt(squared)), stiffest_particle(done, stiffness.scale * stiffness.free))
 

@@ -57,13 +57,15 @@ class Sheet:
     def show(self) -> None:
         """Print the tables and remarks, and where the page is."""
         from rich.console import Console
+        from rich.table import Column
         from rich.table import Table as Printed
+        from rich.text import Text
 
         console = Console()
         for table in self.tables:
-            printed = Printed(*table.columns, title=table.title, title_justify="left")
+            printed = Printed(*(Column(Text(head)) for head in table.columns), title=Text(table.title), title_justify="left")
             for row in table.rows:
-                printed.add_row(*(str(cell) for cell in row))
+                printed.add_row(*(Text(str(cell)) for cell in row))
             console.print(printed)
         for remark in self.remarks:
             console.print(remark, markup=False, highlight=False)

@@ -117,16 +117,24 @@ def viscous_load(rel: Relative, n: Vector, i: Motion, j: Motion, damping: Viscos
     return Load(force, couple), dot(force, velocity) + dot(couple, spin)
 
 
-def linear_load(i: Motion, j: Motion, opening: Vector, ref: Reference, k: Stiffness) -> Load:
-    """Return the load [N, N m] for infinitesimal displacements i.v, j.v [m] and rotations i.w, j.w [rad] of the ends.
+def linear_stretch(i: Motion, j: Motion, along: Vector, ref: Reference) -> Stretch:
+    """Return the stretch for infinitesimal displacements i.v, j.v [m] and rotations i.w, j.w [rad] of the ends.
 
-    opening: the unit vector that opening is measured along.
+    along: the unit vector that opening is measured along.
     """
     relative = minus(minus(j.v, i.v), cross(times(0.5, add(i.w, j.w)), ref.r0))
     rotation = minus(j.w, i.w)
     chord = times(1.0 / norm(ref.r0), ref.r0)
-    force = add(times(k.ks, relative), times((k.kn - k.ks) * dot(relative, opening), opening))
-    return Load(force, add(times(k.kb, rotation), times((k.kt - k.kb) * dot(rotation, chord), chord)))
+    opening, twist = dot(relative, along), dot(rotation, chord)
+    return Stretch(opening, minus(relative, times(opening, along)), twist, minus(rotation, times(twist, chord)))
+
+
+def linear_load(i: Motion, j: Motion, along: Vector, ref: Reference, k: Stiffness) -> Load:
+    """Return the load [N, N m] for infinitesimal displacements and rotations of the ends; see `linear_stretch`."""
+    s = linear_stretch(i, j, along, ref)
+    chord = times(1.0 / norm(ref.r0), ref.r0)
+    force = add(times(k.kn * s.opening, along), times(k.ks, s.slip))
+    return Load(force, add(times(k.kt * s.twist, chord), times(k.kb, s.bending)))
 
 
 # Six components: what a bond law sees, and the load that its answer means ------------------------------------------

@@ -1,0 +1,158 @@
+"""Loading and unloading in turns: the path of a softening structure in explicit dynamics, snap-back included.
+
+Load slowly until damage has grown by a set amount; freeze damage and unload to the start; load again. With damage
+frozen a model is elastic, so each reload is straight up to the load at which damage grows on: a point of the path,
+wherever the path has turned to. It is the strategy of Dressler & Wilke 2021 (section 3.2). Here the end never jumps
+from one velocity to another, damage is frozen by the laws' own answers in the same compiled step, the end comes back to
+the very pose from which it started, and what still moves there is measured.
+"""
+
+import time as clocks
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pybondem.assembly import Drag
+from pybondem.check import fraction, positive, whole_number
+from pybondem.damping import Kinetic, local
+from pybondem.drivers.steered import Steered, steered
+from pybondem.errors import InputError
+from pybondem.measure import applied, displacement
+from pybondem.model import Model, Selection
+from pybondem.output.progress import Progress
+from pybondem.simulation import Simulation, session
+
+Floats = NDArray[np.float64]
+LOOKS = 50  # at load and damage while the velocity of the end goes over from one value to another
+BACK = 3.0  # speed of unloading over that of loading
+BEGINS = 0.02  # of the growth of a cycle: from here on damage counts as growing again
+GONE = 1e-2  # of the largest load: below, the path has ended
+
+
+class Cycle(NamedTuple):
+    """One loading: displacement [m], load [N] and damage measure (k,) of it; k of the envelope point; what was left.
+
+    onset: where damage began to grow; residual: largest displacement left at the start of the next loading [m].
+    """
+
+    displacement: Floats
+    load: Floats
+    measure: Floats
+    onset: int
+    residual: float
+
+
+@dataclass
+class Envelope:
+    """Cycles of loading and unloading, and what they cost: steps, and wall time in seconds."""
+
+    cycles: list[Cycle] = field(default_factory=list)
+    steps: int = 0
+    seconds: float = 0.0
+
+    @property
+    def displacement(self) -> Floats:
+        """Displacement of the end at which damage began to grow in each cycle (cycles,) [m]."""
+        return np.array([c.displacement[c.onset] for c in self.cycles])
+
+    @property
+    def load(self) -> Floats:
+        """Load on the end there (cycles,) [N]."""
+        return np.array([c.load[c.onset] for c in self.cycles])
+
+
+def load_unload(
+    model: Model, end: Selection, axis: str, *, growth: float, speed: float, over: float, farthest: float,
+    cycles: int = 1000, measure: Callable[[Simulation], float] | None = None, damping: Drag | Kinetic | None = None,
+    safety: float = 0.5, engine: str | None = None, threads: int | None = None, quiet: bool = False,
+) -> Envelope:  # fmt: skip
+    """Trace the load-displacement path of a model by loading and unloading its end along x, y or z.
+
+    growth: of the measure, by which each cycle lets damage grow; measure(simulation): the energy dissipated by damage
+    [J] by default, any that never falls; speed: of loading [m/s], unloading is three times as fast; over: time within
+    which the end goes over from one velocity to another [s], some transits of a wave through the model; farthest:
+    displacement at which loading is given up [m]; cycles: at most so many; damping: local(0.5) by default. What drives
+    the end along the axis in the model is left out here. The path ends where a load has fallen to a hundredth of the
+    largest, or where nothing is damaged before `farthest`. Raises InputError for bad values, and for bond laws, which
+    cannot be frozen.
+    """
+    for name, value, unit in (("growth", growth, "1"), ("speed", speed, "m/s"), ("over", over, "s"),
+                              ("farthest", farthest, "m")):  # fmt: skip
+        positive(f"{name} of load_unload", value, unit)
+    whole_number("cycles of load_unload", cycles)
+    fraction("safety", safety, 1e-6, 1.0)
+    pulled, velocity = steered(model, end, axis)
+    sim = Simulation(pulled, damping=damping or local(0.5), safety=safety, engine=engine, threads=threads)
+    sim.damage_grows = True  # raises where it cannot be otherwise
+    rig = _Rig(sim, velocity, end, axis, measure or dissipated, over)
+    began, envelope = clocks.perf_counter(), Envelope()
+    with Progress("loading and unloading", cycles, len(model), quiet=quiet or session.quiet) as progress:
+        for number in range(cycles):
+            done = rig.load(speed, growth, farthest)
+            rig.unload(BACK * speed)
+            if done is not None:
+                envelope.cycles.append(done._replace(residual=rig.residual()))
+            envelope.steps, envelope.seconds = sim.step, clocks.perf_counter() - began
+            if progress.due():
+                progress.update(number + 1, time=sim.time)
+            if done is None or done.load[done.onset] < GONE * envelope.load.max():
+                break
+    if not envelope.cycles:
+        raise InputError(f"nothing was damaged up to a displacement of {farthest:g} m; raise farthest of load_unload.")
+    return envelope
+
+
+def dissipated(sim: Simulation) -> float:
+    """Return the energy dissipated by damage so far [J]."""
+    return float(sum(bonds.total("lost") for bonds in sim.state.bonds.values() if "lost" in bonds))
+
+
+class _Rig:
+    """The machine that pulls: its simulation, and the end that it steers."""
+
+    def __init__(self, sim: Simulation, velocity: Steered, end: Selection, axis: str,
+                 measure: Callable[[Simulation], float], over: float) -> None:  # fmt: skip
+        self._sim, self._velocity, self._measure = sim, velocity, measure
+        self._over = sim.dt * max(LOOKS, round(over / sim.dt))
+        self._load, self._displacement = applied(end, axis), displacement(end, axis)
+        self._look = round(self._over / sim.dt / LOOKS)
+
+    def _rows(self) -> tuple[float, float, float]:
+        sim = self._sim
+        return self._displacement.evaluate(sim)[0], self._load.evaluate(sim)[0], self._measure(sim)
+
+    def load(self, speed: float, growth: float, farthest: float) -> Cycle | None:
+        """Load until the measure has grown; returns None where it has not at the farthest displacement."""
+        sim = self._sim
+        sim.damage_grows = True
+        rows = [self._rows()]
+        before = rows[0][2]
+        self._velocity.steer(sim.time, speed, self._over)
+        while rows[-1][2] < before + growth:
+            if rows[-1][0] >= farthest:
+                return None
+            sim.run(steps=self._look, quiet=True)
+            rows.append(self._rows())
+        u, load, measure = np.array(rows).T
+        onset = int(np.argmax(measure > before + BEGINS * growth))
+        return Cycle(u, load, measure, onset, 0.0)
+
+    def unload(self, speed: float) -> None:
+        """Go back to the start at frozen damage, without a jump of velocity, and wait for what still moves."""
+        sim, over = self._sim, self._over
+        sim.damage_grows = False
+        now, forward = sim.time, float(self._velocity.value(np.array([sim.time]))[0])
+        away = float(self._velocity.integral(np.array([now]))[0]) + 0.5 * forward * over
+        speed = min(speed, away / over)  # so that the two smooth turns have room
+        cruise = away / speed - over
+        self._velocity.steer(now, -speed, over)
+        self._velocity.steer(now + over + cruise, 0.0, over)
+        sim.run(time=cruise + 3.0 * over, quiet=True)
+
+    def residual(self) -> float:
+        """Return the largest distance of a particle from where it started [m]."""
+        p = self._sim.state.particles
+        return float(np.sqrt(((p["x"] - p["start"]) ** 2).sum(axis=0).max()))
