@@ -63,7 +63,8 @@ class Sheet:
 
         console = Console()
         for table in self.tables:
-            printed = Printed(*(Column(Text(head)) for head in table.columns), title=Text(table.title), title_justify="left")
+            heads = (Column(Text(head)) for head in table.columns)
+            printed = Printed(*heads, title=Text(table.title), title_justify="left")
             for row in table.rows:
                 printed.add_row(*(Text(str(cell)) for cell in row))
             console.print(printed)
