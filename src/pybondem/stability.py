@@ -30,7 +30,8 @@ class Limit:
 class Stiffness:
     """The model's stiffness as an operator, matrix-free, on the engine: u -> K u, both (6, n).
 
-    program: a linear program, by default that of the model's undamaged bonds (`linear_program`); free (6, n): 0 for held components, 1 for the others; scale (6, n): 1 / sqrt(mass) and 1 / sqrt(inertia).
+    program: a linear program, by default that of the undamaged model; free (6, n): 0 for held components, 1 for the
+    others; scale (6, n): 1 / sqrt(mass) and 1 / sqrt(inertia).
     """
 
     def __init__(self, done: Assembly, engine: Engine, program: Program | None = None) -> None:

@@ -30,6 +30,8 @@ LAWS = {
         tension=3e6, shear=5e6, G_I=100.0, G_II=300.0, alpha=1.0, plateau_share=0.4
     ),
     "concrete": library.concrete(threshold=1e-4, alpha=0.96, beta=350.0),
+    "bilinear_residual": library.bilinear_residual(slip_peak=1e-5, slip_end=5e-5, residual=0.3),
+    "bilinear_friction": library.bilinear_friction(slip_peak=1e-5, slip_end=5e-5, residual=0.3),
     "plastic_slip": library.plastic_slip(yield_stress=1e6, hardening=1e10),
     "thermal": library.thermal(expansion=1e-5, heating=50.0, over=1e-3),
 }

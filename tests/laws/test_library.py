@@ -38,6 +38,10 @@ def flat(k: float, peak: float, plateau: float, end: float) -> Traction:
     return lambda x: min(k * min(x, peak), max(0.0, k * peak * (end - x) / (end - plateau)))
 
 
+def staying(k: float, peak: float, end: float, share: float) -> Traction:
+    return lambda x: max(falling(k, peak, peak + (end - peak) / (1.0 - share))(x), min(k * x, share * k * peak))
+
+
 # law, component, stiffness per area, traction, its corners (far out, the exponential one has nothing left), G_f [J/m2]
 PURE = {
     "bilinear": ("slip", KS, falling(KS, 1e-5, 5e-5), [1e-5, 5e-5], 12.5),
@@ -47,6 +51,7 @@ PURE = {
     "trapezoidal": ("slip", KS, flat(KS, 1e-5, 3e-5, 6e-5), [1e-5, 3e-5, 6e-5], 20.0),
     "trapezoidal_tension": ("opening", KN, flat(KN, 1e-5, 3e-5, 6e-5), [1e-5, 3e-5, 6e-5], 80.0),
 }
+SECANT = PURE | {"bilinear_residual": ("slip", KS, staying(KS, 1e-5, 5e-5, 0.3), [1e-5, 5e-5], np.inf)}
 
 
 def area_below(traction: Traction, corners: list[float]) -> float:
@@ -55,9 +60,9 @@ def area_below(traction: Traction, corners: list[float]) -> float:
     return sum(quad(traction, a, b, epsabs=small, epsrel=1e-11)[0] for a, b in pairwise([0.0, *corners]))
 
 
-@pytest.mark.parametrize("name", PURE)
+@pytest.mark.parametrize("name", SECANT)
 def test_softening_follows_its_traction_and_unloads_to_the_origin(name: str) -> None:
-    component, k, traction, corners, _ = PURE[name]
+    component, k, traction, corners, _ = SECANT[name]
     law = LAWS[name]
     for share in (0.05, 0.15, 0.2, 0.3, 0.45, 0.6, 0.75, 0.9, 0.99, 1.2):
         x = share * 6e-5
@@ -80,10 +85,30 @@ def test_softening_spends_its_toughness(name: str) -> None:
     assert law.declared.toughness[component](law.parameters, k) == pytest.approx(toughness, rel=1e-12)
 
 
-@pytest.mark.parametrize("name", PURE)
+@pytest.mark.parametrize("name", SECANT)
 def test_softening_minds_its_own_component(name: str) -> None:
-    other = {"slip": "opening", "opening": "slip"}[PURE[name][0]]
+    other = {"slip": "opening", "opening": "slip"}[SECANT[name][0]]
     assert damages(LAWS[name], [deformation(**{other: 1.0})]) == [0.0]
+
+
+def test_residual_stress_stays_for_ever_and_is_a_share_of_the_peak() -> None:
+    """0.4 of a peak of 0.5 MPa far out, whatever was before; of a bond twice as stiff, of 1 MPa."""
+    law = library.bilinear_residual(slip_peak=1e-5, slip_end=5e-5, residual=0.4)
+    for far in (5e-5, 6e-5, 1e-3, 10.0):
+        for k in (KS, 2.0 * KS):
+            D = damages(law, [deformation(slip=3e-5, ks=k), deformation(slip=far, ks=k)])[-1]
+            assert (1.0 - D) * k * far == pytest.approx(0.4 * k * 1e-5, rel=1e-9 * max(1.0, far / 1e-3))
+    assert law.declared.toughness == {}
+
+
+@pytest.mark.parametrize(("residual", "half"), [(0.0, 0.5), (1.0, 1.0)])
+def test_residual_of_nothing_is_bilinear_and_of_all_a_plateau(residual: float, half: float) -> None:
+    law = library.bilinear_residual(slip_peak=1e-5, slip_end=5e-5, residual=residual)
+    D = damages(law, [deformation(slip=x) for x in (1e-5, 3e-5, 5e-5, 1e-4)])
+    left = [1.0, half / 3.0, residual / 5.0, residual / 10.0]
+    np.testing.assert_allclose(1.0 - np.array(D), left, rtol=1e-12, atol=1e-15)
+    if residual == 0.0:
+        assert damages(LAWS["bilinear"], [deformation(slip=3e-5)]) == pytest.approx(D[1:2], rel=1e-15)
 
 
 # Mixed mode -----------------------------------------------------------------------------------------------------
@@ -331,6 +356,11 @@ def test_arrays_as_numbers(name: str) -> None:
         ("trapezoidal", {"slip_peak": 2e-5, "slip_plateau": 1e-5, "slip_end": 5e-5}),
         ("trapezoidal_tension", {"opening_peak": 1e-5, "opening_plateau": 5e-5, "opening_end": 5e-5}),
         ("exponential", {"slip_peak": 1e-5, "slip_decay": 0.0}),
+        ("bilinear_residual", {"slip_peak": 2e-5, "slip_end": 2e-5, "residual": 0.3}),
+        ("bilinear_residual", {"slip_peak": 1e-5, "slip_end": 5e-5, "residual": 1.1}),
+        ("bilinear_residual", {"slip_peak": 1e-5, "slip_end": 5e-5, "residual": -0.1}),
+        ("bilinear_friction", {"slip_peak": 2e-5, "slip_end": 1e-5, "residual": 0.3}),
+        ("bilinear_friction", {"slip_peak": 1e-5, "slip_end": 5e-5, "residual": 1.1}),
         ("strength", {"tension": 1e6, "shear": 1e6, "moment_share": 1.5}),
         ("mohr_coulomb", {"cohesion": 1e6, "friction": -0.1, "tension": 1e6}),
         ("concrete", {"threshold": 1e-4, "alpha": 1.1, "beta": 350.0}),

@@ -141,6 +141,33 @@ def test_bond_laws_in_bonds_and_joints(engine: str) -> None:
                 assert pair.force(sim) == pytest.approx(wanted, rel=1e-9, abs=1e-3), (pair.kind, sim.step)
 
 
+def test_friction_in_bonds_and_joints(engine: str) -> None:
+    """Out, back and through: the damage law along its secant, the bond law as a softening spring beside a stop."""
+    peak, end, share = 1e-5, 5e-5, 0.3
+    values = {"slip_peak": peak, "slip_end": end, "residual": share}
+    kinds = ("joint",) if engine == "cpu" else BOTH
+    model, pairs = pairs_of({"bilinear_residual": (values, kinds), "bilinear_friction": (values, kinds)})
+    sim = bd.Simulation(model, engine=engine, dt=1e-6)
+    stop, before, largest = 0.0, 0.0, peak
+    for slip in (0.8e-5, 2e-5, 4e-5, 3e-5, -3e-5, 4.5e-5, 9e-5, 0.0):
+        limit = share * KS * peak
+        stop = min(limit, max(-limit, stop + share * KS * (slip - before)))
+        before, largest = slip, max(largest, abs(slip))
+        tied = (1.0 - share) * KS * peak * max(0.0, end - largest) / (end - peak)
+        stress = {
+            "bilinear_residual": (tied + limit) * slip / largest,
+            "bilinear_friction": tied * slip / largest + stop,
+        }
+        deform(sim, pairs, 0.0, slip)
+        for pair in pairs:
+            wanted = pair.wanted(0.0, slip, 0.0, AREA * stress[pair.law])
+            assert pair.force(sim, slip) == pytest.approx(wanted, rel=1e-9, abs=1e-6), (pair.law, pair.kind, slip)
+            cohesion = 1.0 - tied / ((1.0 - share) * KS * largest)
+            D = 1.0 - (tied + limit) / (KS * largest) if pair.law == "bilinear_residual" else cohesion
+            assert sim.bonds(pair.bonds).damage[0] == pytest.approx(D, rel=1e-9, abs=1e-12)
+    assert sim.broken == len(kinds)  # those of the bond law, whose cohesion has gone
+
+
 def test_rate_strength_in_bonds_and_joints(engine: str) -> None:
     """Pulled at 100 e^2 times the reference rate: broken when the stress is 1 + 0.1 (2 + ln 100) of the strength."""
     values = {"tension": 4e6, "shear": 8e6, "C": 0.1, "reference_rate": 1e-3}

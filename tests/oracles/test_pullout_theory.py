@@ -1,13 +1,13 @@
 """The closed pull-out solution against integration, a discrete model with damage, energy and known formulas."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import groupby
 
 import numpy as np
 import pytest
 from numpy import cos, pi, sin, sqrt, tan, tanh
+from oracles.two_chains import TwoChains
 from scipy.integrate import dblquad, solve_ivp
-from scipy.linalg import solve_banded
 from scipy.optimize import brentq
 
 from pybondem.errors import InputError
@@ -112,84 +112,6 @@ def test_forces_and_displacements_along_both_bars(name):
 
 
 # ---- a discrete model: two chains of springs joined by bonds that damage ---------------------------------------------
-
-
-@dataclass
-class TwoChains:
-    """Chains of springs for fibre and matrix, followed by arc-length with Newton; unknowns u_f0, u_m0, u_f1, ..."""
-
-    test: PullOut
-    n: int = 400
-
-    def __post_init__(self):
-        self.h = self.test.length / self.n
-        self.area = np.full(self.n + 1, self.test.p * self.h)
-        self.area[[0, -1]] /= 2
-        self.held = 1 if self.test.support == "pull-pull" else 2 * self.n + 1
-        self.end = np.zeros(2 * self.n + 2)
-        self.end[-2] = 1.0
-
-    def bond(self, slip, kappa):
-        """Stress and its rate with slip, for damage that knows the largest slip so far."""
-        k, s0, sf = self.test.stiffness, self.test.slip_peak, self.test.slip_end
-        largest = np.maximum(slip, kappa)
-        intact = np.clip(s0 * (sf / np.maximum(largest, s0) - 1.0) / (sf - s0), 0.0, 1.0)
-        softening = (slip >= kappa) & (slip > s0) & (slip < sf)
-        return k * intact * slip, np.where(softening, -k * s0 / (sf - s0), k * intact)
-
-    def residual(self, v, P, kappa):
-        """Unbalanced forces, and the tangent stiffness as five diagonals."""
-        tau, rate = self.bond(v[::2] - v[1::2], kappa)
-        stiffness = np.array([self.test.a_fibre, self.test.a_matrix]) / self.h
-        stretch = np.diff(v.reshape(-1, 2), axis=0) * stiffness
-        force = np.zeros((self.n + 1, 2))
-        force[:-1] -= stretch
-        force[1:] += stretch
-        force += (self.area * tau)[:, None] * (1.0, -1.0)
-        bands = np.zeros((5, v.size))
-        neighbours = np.full(self.n + 1, 2.0)
-        neighbours[[0, -1]] = 1.0
-        bands[2] = (neighbours[:, None] * stiffness + (self.area * rate)[:, None]).ravel()
-        bands[0, 2:] = bands[4, :-2] = np.tile(-stiffness, self.n)
-        bands[1, 1::2] = bands[3, ::2] = -self.area * rate
-        return self.hold(force.ravel() - P * self.end, bands)
-
-    def hold(self, force, bands):
-        """Fix one matrix node."""
-        at = self.held
-        for row in (-2, -1, 1, 2):
-            if 0 <= at + row < force.size:
-                bands[2 + row, at] = bands[2 - row, at + row] = 0.0
-        bands[2, at], force[at] = bands[2, at] if bands[2, at] > 0 else 1.0, 0.0
-        return force, bands
-
-    def increment(self, v, P, kappa, toward, step):
-        """Newton on the plane at a distance `step` along `toward`, or None where it does not converge."""
-        unit = np.append(np.full(v.size, self.test.slip_end * sqrt(v.size)), self.test.long_bond_load())
-        both = step * toward * unit
-        for _ in range(25):
-            force, bands = self.residual(v + both[:-1], P + both[-1], kappa)
-            free, loaded = solve_banded((2, 2), bands, np.column_stack([-force, self.end])).T
-            free, loaded = np.append(free, 0.0), np.append(loaded, 1.0)
-            more = free + (step - toward @ ((both + free) / unit)) / (toward @ (loaded / unit)) * loaded
-            both = both + more
-            if np.abs(more[:-1]).max() < 1e-11 * self.test.slip_end:
-                return both, both / unit / np.linalg.norm(both / unit)
-        return None
-
-    def states(self, step):
-        """Yield (P, slips, v, kappa) along the equilibrium path until the load has fallen to 2 % of its peak."""
-        v, P, kappa, highest = np.zeros(self.end.size), 0.0, np.zeros(self.n + 1), 0.0
-        toward = np.append(v, 1.0)
-        while True:
-            found = (self.increment(v, P, kappa, toward, step / 2**halved) for halved in range(10))
-            both, toward = next(filter(None, found))
-            v, P = v + both[:-1], P + both[-1]
-            slip = v[::2] - v[1::2]
-            kappa, highest = np.maximum(kappa, slip), max(highest, P)
-            yield P, slip, v, kappa
-            if P / highest < 0.02:
-                return
 
 
 @pytest.mark.parametrize("name", CASES)

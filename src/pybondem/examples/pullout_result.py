@@ -36,13 +36,15 @@ class Profile:
 
 @dataclass(frozen=True)
 class PullOutResult:
-    """What the test gave: curves, profiles, errors, and the folder that holds them."""
+    """What the test gave: curves, profiles, errors, the folder that holds them; steps, and their seconds."""
 
     folder: Path
     displacement: Floats
     load: Floats
     profiles: tuple[Profile, ...]
     summary: dict[str, Any]
+    steps: int
+    seconds: float
 
     def show(self) -> None:
         """Print the comparison with the theory and where the pictures are."""
@@ -71,7 +73,8 @@ def run_pullout(
             conclude(built, sim, record, np.array(shear), results)
             raise
         profiles, summary = conclude(built, sim, record, np.array(shear), results)
-    return PullOutResult(results.folder, record["displacement"].values, record["load"].values, profiles, summary)
+    u, load = record["displacement"].values, record["load"].values
+    return PullOutResult(results.folder, u, load, profiles, summary, sim.step, sim.stepping)
 
 
 def conclude(

@@ -29,6 +29,7 @@ from pybondem.theory.lattice import calibrate, elastic_constants
 Floats = NDArray[np.float64]
 LAYER = np.sqrt(2.0 / 3.0)  # distance of close-packed layers over the diameter
 AXES = ("x", "y", "z")
+LARGEST_NU = 0.2  # of hexagonal close packing, where ks = 0
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,8 @@ class PullOutSetup:
 
     diameter: of the particles, fitted so that the embedded length is a whole number of layers; fibre_radius,
     matrix_radius, length (embedded), free_length (of fibre beyond the matrix): geometry; E_fibre, E_matrix, nu:
-    elasticity, nu within the reach of the lattice (0 to 1/5); density; interface: a law with a stiffness per area;
+    elasticity, nu within the reach of the lattice (0 to 1/5); bond_radius: over that of the particles, with which bonds
+    resist bending and twist (0: they resist neither); density; interface: a law with a stiffness per area;
     axis: of the pull; transits: duration of the test, in transits of the slower sound wave through the embedded
     length; damping: local damping; pull: final displacement of the end, by default 1.1 times the largest on the
     analytic path.
@@ -52,6 +54,7 @@ class PullOutSetup:
     E_fibre: float = 1e10
     E_matrix: float = 1e10
     nu: float = 0.1
+    bond_radius: float = 0.0
     density: float = 2500.0
     axis: str = "x"
     transits: float = 60.0
@@ -63,7 +66,13 @@ class PullOutSetup:
         for name in (*lengths, "E_fibre", "E_matrix", "density", "transits"):
             positive(f"{name} of pullout", getattr(self, name))
         nonnegative("free_length of pullout", self.free_length, "m")
-        fraction("nu of pullout", self.nu, 0.0, 0.2)
+        fraction("nu of pullout", self.nu, 0.0, LARGEST_NU)
+        nonnegative("bond_radius of pullout", self.bond_radius, "1")
+        if self.nu == LARGEST_NU and self.bond_radius == 0.0:
+            raise InputError(
+                f"nu of pullout is {self.nu}: its bonds have no shear stiffness, and nothing keeps the particles from "
+                f"rolling along the interface; give a bond_radius, such as 1."
+            )
         choice("axis of pullout", self.axis, AXES)
         if not isinstance(self.interface, ValuedLaw) or self.interface.stiffness is None:
             raise InputError("interface of pullout needs a stiffness per area: bilinear(stiffness=6e7, ...).")
@@ -94,9 +103,11 @@ class PullOutSetup:
     def theory(self, shear_lag: bool = False) -> PullOut:
         """Return the analytic solution; shear_lag: with the shear compliance of fibre and matrix in series."""
         law, free_part = self.interface, self.fitted_free_length / (self.E_fibre * np.pi * self.fibre_radius**2)
+        k, values = law.stiffness or 0.0, law.parameters
         plain = PullOut(
-            self.E_fibre, self.E_matrix, self.fibre_radius, self.matrix_radius, self.length, law.stiffness or 0.0,
-            law.parameters.slip_peak, law.parameters.slip_end, extra_compliance=free_part,
+            self.E_fibre, self.E_matrix, self.fibre_radius, self.matrix_radius, self.length, k, values.slip_peak,
+            values.slip_end, extra_compliance=free_part,
+            residual_stress=k * values.slip_peak * getattr(values, "residual", 0.0),
         )  # fmt: skip
         if not shear_lag:
             return plain
@@ -144,8 +155,10 @@ class PullOutSetup:
         return self._held(model, joints, surface, scales)
 
     def _bond(self, E: float, scale: float = 1.0) -> Bond:
-        kn, ks = calibrate("hcp", E, self.nu, self.fitted_diameter)
-        return Bond(springs(scale * kn, scale * ks))
+        """Return the bond of a part; its bending and twist do not enter the elastic constants of the lattice."""
+        kn, ks = (scale * k for k in calibrate("hcp", E, self.nu, self.fitted_diameter))
+        radius = 0.5 * self.bond_radius * self.fitted_diameter
+        return Bond(springs(kn, ks, kt=0.5 * ks * radius**2, kb=0.25 * kn * radius**2))
 
     def _lattice_stiffness(self, part: Model, E: float, engine: str, threads: int | None) -> float:
         """Return EA [N] of a part whose bonds have the closed-form values."""

@@ -153,7 +153,7 @@ class Trial:
             for names, value in ((("x",), x), (("q",), q), (("v", "v_ahead"), v), (("w", "w_ahead"), w)):
                 for name in names:
                     fields[name][:, place] = value
-        self._runner.advance(1, dt, {})
+        self._runner.advance(1, dt, {"growing": np.ones(2)})
         force, torque = fields["force"], fields["torque"]
         words = {name: self._bond_values(f"m_{name}") for name in self.law.memory._fields}
         damage = self._damage(words)

@@ -1,4 +1,4 @@
-"""Pull-out of a fibre through a bilinear cohesive interface: the complete equilibrium path in closed form.
+"""Pull-out of a fibre through a bilinear interface, with or without friction: its equilibrium path in closed form.
 
 The equations are at the head of `specimen.py`: s'' = c tau(s) with s'(0) = -g0 P and s'(L) = gL P. Every equilibrium
 state has one section x_m of least slip S, from which the slip grows to both sides as v(y) = ds/dy, so that
@@ -7,9 +7,21 @@ state has one section x_m of least slip S, from which the slip grows to both sid
     pull-pull  u = (1 - alpha) s(L) + alpha s(0) + P L/(a_f + a_m)      pull-push  u = s(L)
 
 and S only grows along the path. Sweeping it from 0 to sf therefore passes load maxima and snap-back like any other
-state: no arc-length is needed, and no list of stages. On the way no slip falls inside a softening zone, so a bond that
-unloads to the origin (damage) gives the same states as a reversible one, and the work of the load is p L G_f however
-the curve turns.
+state: no arc-length is needed, and no list of stages. Without friction no slip on the way falls inside a softening
+zone, so a bond that unloads to the origin (damage) gives the same states as a reversible one, and the work of the load
+is p L G_f however the curve turns.
+
+With friction the load ends at p L tau_r, under which the fibre slides out. The same holds but for a part of the path:
+while the displacement snaps back, debonded sections slip back too, and there friction would hold them. Such states
+(`slips_back`) are those of a reversible bond. A test under rising displacement never meets them: from the turning point
+it falls to states where every section has slipped further.
+
+Extreme points are roots of dP/dS and du/dS, from w = ds/d(ln S) at a fixed y (see `zones.py`) and x_m' = dx_m/d(ln S):
+
+    c (gL tau(x_m) + g0 tau(L - x_m)) x_m' = g0 w'(L - x_m) - gL w'(x_m)
+    (gL tau(x_m) + g0 tau(L - x_m)) dP/d(ln S) = w'(x_m) tau(L - x_m) + w'(L - x_m) tau(x_m)
+
+Once no section is elastic, w' <= 0: the load only falls. While one is, friction lets it grow beyond first debonding.
 
 The equation and its piecewise solutions are those of Gopalaratnam & Cheng 1987 (Mat. Res. Soc. Proc. 114, 225:
 softening pull-out) and Yuan, Teng, Seracino, Wu & Yao 2004 (Eng. Struct. 26, 553: bonded joints, full range); the
@@ -26,12 +38,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import brentq
 
 from pybondem.check import nonnegative, whole_number
 from pybondem.errors import InputError
-from pybondem.theory.specimen import Floats, Side, Specimen
+from pybondem.theory.specimen import Floats, Specimen
 from pybondem.theory.states import LoadPoint, PullOutPath, PullOutState
+from pybondem.theory.zones import Side, side
 
 _ROUND_OFF = 8.0 * float(np.finfo(np.float64).eps)
 _AT_A_KINK = 1e-12  # relative: slips this close to s0 or sf count as there
@@ -44,6 +57,9 @@ class _Response(NamedTuple):
     load: Floats  # P [N]
     displacement: Floats  # u [m]
     dissipated: Floats  # [J]
+    load_growth: Floats  # dP/d(ln S) [N]
+    displacement_growth: Floats  # du/d(ln S) [m]
+    slips_back: NDArray[np.bool_]
     tip: Side
     end: Side
 
@@ -58,9 +74,10 @@ class PullOut(Specimen):
     r_fibre, r_matrix : radius of the fibre and outer radius of the matrix around it [m].
     length : bonded length L [m].
     stiffness : bond stiffness k [Pa/m] before the peak.
-    slip_peak, slip_end : slip s0 at the peak stress and sf where the bond is gone [m]; s0 < sf.
+    slip_peak, slip_end : slip s0 at the peak stress and sf where softening ends, at tau_r [m]; s0 < sf.
     support : "pull-pull" holds the matrix at the fibre's tip (x = 0), "pull-push" at the loaded face (x = L).
     extra_compliance : of whatever lies in series, such as l_free/a_f of a free fibre end [m/N].
+    residual_stress : friction tau_r [Pa] that stays from sf on, 0 <= tau_r < k s0; 0 is a bond that comes to nothing.
 
     Raises
     ------
@@ -80,8 +97,13 @@ class PullOut(Specimen):
         return self.lam * self.slip_peak * math.tanh(self.lam * self.length) / (large + small * one_over_cosh)
 
     def long_bond_load(self) -> float:
-        """Return P_inf = sqrt(2 p G_f/a_s)/max(gL, g0) [N]: peak load of a long bond, fracture mechanics."""
-        return math.sqrt(2.0 * self.p * self.fracture_energy / self.a_series) / max(self.g_end, self.g_tip)
+        """Return P_inf = sqrt(2 p G/a_s)/max(gL, g0) [N], at which a long bond begins to debond: fracture mechanics.
+
+        G is the area under the bond law up to sf. Without friction it is G_f, and P_inf the peak load of a long bond;
+        with friction every debonded metre adds p tau_r/(a_s max(gL, g0)).
+        """
+        up_to_end = 0.5 * (self.tau_max * self.slip_end + self.residual_stress * (self.slip_end - self.slip_peak))
+        return math.sqrt(2.0 * self.p * up_to_end / self.a_series) / max(self.g_end, self.g_tip)
 
     def peak(self) -> LoadPoint:
         """Return the largest load [N] and the displacement there [m]."""
@@ -89,26 +111,36 @@ class PullOut(Specimen):
 
     @cached_property
     def snaps_back(self) -> bool:
-        """Whether the displacement turns back along the path.
+        """Whether the displacement turns back along the path: whether du/dS < 0 at S = s0, as it is there if anywhere.
 
-        Without an elastic zone (S >= s0) every slip is sf - (sf - S) f(x): the path ends as a straight line to
-        (u, P) = (sf, 0). It snaps back if and only if this line comes from larger displacements.
+        Without an elastic zone (S >= s0) and without friction every slip is sf - (sf - S) f(x): the path ends as a
+        straight line to (u, P) = (sf, 0), which comes from larger displacements. With friction this line bends forward
+        again and passes S = sf under the constant load p L tau_r.
         """
-        return self._point(self._softened).displacement > self.slip_end * (1.0 + _AT_A_KINK)
+        growth = self._respond(self._log_slip([self._softened])).displacement_growth[0]
+        return bool(growth < -_AT_A_KINK * self.slip_peak)
 
     def turning_point(self) -> LoadPoint | None:
-        """Return load and displacement at the largest displacement, where snap-back begins; None without snap-back."""
+        """Return load and displacement where snap-back begins; None without snap-back.
+
+        Without friction this is the largest displacement of the path.
+        """
         return self._point(self._turn) if self.snaps_back else None
 
     @property
+    def residual_load(self) -> float:
+        """p L tau_r: load of the fibre that slides out, all debonded [N]."""
+        return self.p * self.length * self.residual_stress
+
+    @property
     def work_of_debonding(self) -> float:
-        """p L G_f: work of the load over the whole test [J]."""
+        """p L G_f: work that the cohesion takes; without friction the work of the load over the whole test [J]."""
         return self.p * self.length * self.fracture_energy
 
     # ---- states ------------------------------------------------------------------------------------------------------
 
     def state(self, least_slip: float) -> PullOutState:
-        """Return the equilibrium state of least slip S [m]; from sf on, the debonded fibre at u = S.
+        """Return the equilibrium state of least slip S [m]; from sf on, all is debonded and slides.
 
         Raises
         ------
@@ -122,39 +154,49 @@ class PullOut(Specimen):
 
         Raises
         ------
-        InputError : the load is negative, not finite, or above the peak load.
+        InputError : the load is negative, not finite, above the peak load, or after the peak below the residual load.
         """
-        P, peak = nonnegative("load", load, "N"), self.peak().load
-        if peak < P:
-            raise InputError(f"load is {P!r} N; the peak load of this pull-out is {peak!r} N, give 0 to that.")
+        P, peak, least = nonnegative("load", load, "N"), self.peak().load, 0.0 if rising else self.residual_load
+        if not least * (1.0 - _AT_A_KINK) <= P <= peak:
+            rest = f", and friction keeps {least!r} N after it; give a load between" if least else ", give 0 to that"
+            raise InputError(f"load is {P!r} N; the peak load of this pull-out is {peak!r} N{rest}.")
         ends = (-1.0, self._peak) if rising else (self._peak, self._end)
         return self._state_where(lambda at: self._point(at).load - P, *ends)
 
     def state_at_displacement(self, displacement: float) -> PullOutState:
         """Return the state that a slowly raised end displacement u [m] reaches.
 
-        Up to the turning point (up to sf without snap-back) it lies on the path; beyond, the fibre has come out.
+        Up to the turning point it lies on the path. There the load falls at once to the rest of the path that comes
+        back to larger displacements, or to nothing where there is no friction and the fibre comes out.
 
         Raises
         ------
         InputError : the displacement is negative or not finite.
         """
         u = nonnegative("displacement", displacement, "m")
-        if u > self._point(self._turn).displacement:
-            return self.state(u)
-        return self._state_where(lambda at: self._point(at).displacement - u, -1.0, self._turn)
+
+        def miss(at: float) -> float:
+            return self._point(at).displacement - u
+
+        if miss(self._turn) >= 0.0:
+            return self._state_where(miss, -1.0, self._turn)
+        beyond = -miss(self._end)
+        if beyond >= 0.0:
+            return self.state(self.slip_end + beyond)
+        return self._state_where(miss, self._return, self._end)
 
     def path(self, n: int = 400) -> PullOutPath:
         """Return n >= 20 states of the whole path, evenly spaced along the load-displacement curve.
 
-        Onset, peak, turning point, loss of the last elastic section and the end are among them exactly.
+        It ends at S = sf, where the last section has debonded. Onset, peak, turning point and the one where snap-back
+        ends, loss of the last elastic section and the end are among them exactly.
 
         Raises
         ------
         InputError : n is not a whole number >= 20.
         """
         n = whole_number("n", n, least=20)
-        marks = np.unique([-1.0, 0.0, self._peak, self._turn, self._softened, self._end])
+        marks = np.unique([-1.0, 0.0, self._peak, self._turn, self._softened, self._return, self._end])
         within = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, n))  # dense at the marks, where stages change fast
         trial = (marks[:-1, None] + np.diff(marks)[:, None] * within).ravel()
         curve = self._respond(self._log_slip(trial))
@@ -163,10 +205,9 @@ class PullOut(Specimen):
         between = np.interp(np.linspace(0.0, arc[-1], n - marks.size + 2)[1:-1], arc, trial)
         log_slip = self._log_slip(np.sort(np.append(marks, between)))
         r = self._respond(log_slip)
-        spent = np.maximum.accumulate(r.dissipated)  # evens out round-off
-        return PullOutPath(
-            self.least_slip(log_slip), r.section, r.load, r.displacement, spent, self._zones(log_slip, r)
-        )
+        spent = r.dissipated if self.residual_stress else np.maximum.accumulate(r.dissipated)  # evens out round-off
+        zones = self._zones(log_slip, r)
+        return PullOutPath(self.least_slip(log_slip), r.section, r.load, r.displacement, spent, zones, r.slips_back)
 
     # ---- equilibrium -------------------------------------------------------------------------------------------------
 
@@ -181,7 +222,7 @@ class PullOut(Specimen):
             return x
         low, high = np.zeros_like(x), np.full_like(x, self.length)
         for _ in range(100):
-            tip, end = self.side(log_slip, x), self.side(log_slip, self.length - x)
+            tip, end = side(self, log_slip, x), side(self, log_slip, self.length - x)
             miss = self.g_end * tip.slope - self.g_tip * end.slope
             rate = self.c * (self.g_end * self._tau(tip.slip) + self.g_tip * self._tau(end.slip))
             found = np.abs(miss) <= _ROUND_OFF * self.length * rate
@@ -196,13 +237,33 @@ class PullOut(Specimen):
     def _respond(self, log_slip: Floats) -> _Response:
         """Return the equilibrium states of the given least slips (n)."""
         x = self._section(log_slip)
-        tip, end = self.side(log_slip, x), self.side(log_slip, self.length - x)
+        tip, end = side(self, log_slip, x), side(self, log_slip, self.length - x)
         load = self.a_series * (tip.slope + end.slope)
         displacement = end.slip + load * self.extra_compliance
         if self.support == "pull-pull":
             displacement += self.alpha * (tip.slip - end.slip) + load * self.length / (self.a_fibre + self.a_matrix)
-        dissipated = self.p * self.fracture_energy * (tip.spent + end.spent)
-        return _Response(x, load, displacement, dissipated, tip, end)
+        dissipated = self.p * self.fracture_energy * (tip.parted + end.parted)
+        dissipated += self.p * self.residual_stress * (tip.slid + end.slid)
+        return _Response(x, load, displacement, dissipated, *self._growth(tip, end), tip, end)
+
+    def _growth(self, tip: Side, end: Side) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+        """Return dP/d(ln S), du/d(ln S), and whether a debonded section slips back against friction.
+
+        In a debonded zone the growth of slip is linear, so that an end of the bond is the first to slip back.
+        """
+        tau_tip, tau_end = self._tau(tip.slip), self._tau(end.slip)
+        resists = self.g_end * tau_tip + self.g_tip * tau_end
+        fixed = (resists == 0.0) | (self.g_tip == 0.0)  # x_m, also by symmetry where both ends debonded, tau_r = 0
+        over = 1.0 / np.where(fixed, 1.0, resists)
+        shift = np.where(fixed, 0.0, over / self.c * (self.g_tip * end.slope_growth - self.g_end * tip.slope_growth))
+        load = over * (tip.slope_growth * tau_end + end.slope_growth * tau_tip)
+        load = np.where(fixed, self.a_series * (tip.slope_growth + end.slope_growth), load)
+        at_tip, at_end = tip.slip_growth + tip.slope * shift, end.slip_growth - end.slope * shift
+        back = [(s.slip > self.slip_end) & (at < -_AT_A_KINK * s.slip) for s, at in ((tip, at_tip), (end, at_end))]
+        displacement = at_end + load * self.extra_compliance
+        if self.support == "pull-pull":
+            displacement += self.alpha * (at_tip - at_end) + load * self.length / (self.a_fibre + self.a_matrix)
+        return load, displacement, (back[0] | back[1]) & (self.residual_stress > 0.0)
 
     def _zones(self, log_slip: Floats, r: _Response) -> tuple[str, ...]:
         """Return the zones from tip to loaded end."""
@@ -220,7 +281,8 @@ class PullOut(Specimen):
         slip, x, load, displacement, dissipated = (
             float(v[0]) for v in (self.least_slip(at), r.section, r.load, r.displacement, r.dissipated)
         )
-        return PullOutState(self, log_slip, slip, x, load, displacement, dissipated, self._zones(at, r)[0])
+        zones, back = self._zones(at, r)[0], bool(r.slips_back[0])
+        return PullOutState(self, log_slip, slip, x, load, displacement, dissipated, zones, back)
 
     # ---- progress along the path -------------------------------------------------------------------------------------
     # One number orders all states: -1 is P = 0, up to 0 the interface is elastic and S proportional to 1 + progress,
@@ -267,35 +329,38 @@ class PullOut(Specimen):
 
     @cached_property
     def _end(self) -> float:
-        """Progress where the bond is gone, S = sf."""
+        """Progress where the last section has debonded, S = sf."""
         return math.log(self.slip_end / self.slip_peak) - self._log_slip_at_onset
 
     @cached_property
     def _peak(self) -> float:
-        """Progress at the largest load: the linearised problem ds'' = c tau'(s) ds has a solution with dP = 0.
+        """Progress at the largest load, dP/dS = 0: growing at onset, falling once no section is elastic.
 
-        In softening zones of angles phi it is a cosine from the ends, in between, over a length a, a cosh, which gives
-        tanh(lam a) = (t_tip + t_end)/(1 + t_tip t_end), t = (omega/lam) tan(phi); in pull-push t_tip = 0 (Yuan et al.
-        2004, eq. for the ultimate load). It comes before any section debonds.
+        In pull-push before any section debonds this is tan(phi) = (lam/omega) tanh(lam a), a the elastic length (Yuan
+        et al. 2004, eq. for the ultimate load). In a long bond without friction the growth then underflows: it counts
+        as negative.
         """
 
-        def margin(progress: float) -> float:
-            r = self._respond(self._log_slip([progress]))
-            if r.tip.debonded[0] > 0.0 or r.end.debonded[0] > 0.0:
-                return -1.0
-            phi_tip, phi_end = float(r.tip.angle[0]), float(r.end.angle[0])
-            t_tip, t_end = (self.omega / self.lam * math.tan(phi) for phi in (phi_tip, phi_end))
-            elastic = math.tanh(self.lam * self.length - self.lam / self.omega * (phi_tip + phi_end))
-            return (1.0 + t_tip * t_end) * elastic - t_tip - t_end
+        def growth(progress: float) -> float:
+            found = float(self._respond(self._log_slip([progress])).load_growth[0])
+            return found if found > 0.0 else min(found, -1e-300)
 
-        return float(brentq(margin, 0.0, self._softened, xtol=1e-15, rtol=_ROUND_OFF, maxiter=1000))
+        return self._root(growth, 0.0, self._softened)
 
     @cached_property
     def _turn(self) -> float:
-        """Progress at the largest displacement, up to which it only grows: the turning point, or else the end."""
-        if not self.snaps_back:
+        """Progress at the turning point, or else the end: up to there the displacement only grows."""
+        return self._root(self._displacement_growth, 0.0, self._softened) if self.snaps_back else self._end
+
+    @cached_property
+    def _return(self) -> float:
+        """Progress where snap-back ends; without friction, and without snap-back, the end."""
+        if self.residual_stress == 0.0 or not self.snaps_back:
             return self._end
-        best = minimize_scalar(
-            lambda at: -self._point(at).displacement, bounds=(0.0, self._softened), options={"xatol": 1e-9}
-        )
-        return float(best.x)
+        return self._root(self._displacement_growth, self._softened, self._end)
+
+    def _displacement_growth(self, progress: float) -> float:
+        return float(self._respond(self._log_slip([progress])).displacement_growth[0])
+
+    def _root(self, growth: Callable[[float], float], low: float, high: float) -> float:
+        return float(brentq(growth, low, high, xtol=1e-15, rtol=_ROUND_OFF, maxiter=1000))

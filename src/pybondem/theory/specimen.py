@@ -7,10 +7,11 @@ of the fibre and x = L at its end that is loaded by P. The bond stress tau depen
     ends          s'(0) = -g0 P,   s'(L) = gL P              g0 + gL = 1/a_f + 1/a_m = 1/a_s,   rho = g0/gL
     pull-pull     matrix held at x = 0:  g0 = 1/a_m, gL = 1/a_f
     pull-push     matrix held at x = L:  g0 = 0,     gL = 1/a_s
-    bond          tau = k s  (s <= s0),   k s0 (sf - s)/(sf - s0)  (s <= sf),   0 beyond
-                  lam^2 = c k,   omega^2 = lam^2 s0/(sf - s0),   tau_max = k s0,   G_f = tau_max sf/2
+    bond          tau = k s  (s <= s0),   tau_r + (tau_max - tau_r) (sf - s)/(sf - s0)  (s <= sf),   tau_r beyond
+                  lam^2 = c k,   omega^2 = lam^2 (s0 - tau_r/k)/(sf - s0),   tau_max = k s0
+    two parts     friction min(tau_r s/s0, tau_r), and cohesion, which has gone at sf:  G_f = (tau_max - tau_r) sf/2
 
-`pullout.py` puts these together.
+`zones.py` integrates the equation, and `pullout.py` puts the parts together.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Literal, NamedTuple, Self, get_args
+from typing import Literal, Self, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,17 +30,8 @@ from pybondem.errors import InputError
 Floats = NDArray[np.float64]
 Support = Literal["pull-pull", "pull-push"]
 
-_UNITS = {"E_fibre": "Pa", "E_matrix": "Pa", "stiffness": "Pa/m", "extra_compliance": "m/N"}  # all others: m
-
-
-class Side(NamedTuple):
-    """What is found at a distance y from the section of least slip."""
-
-    slip: Floats  # s [m]
-    slope: Floats  # ds/dy [-]
-    angle: Floats  # omega times the length within y that softens [rad]
-    debonded: Floats  # length within y that has debonded [m]
-    spent: Floats  # work dissipated within y over p G_f: the equivalent length of finished bond [m]
+_UNITS = {"E_fibre": "Pa", "E_matrix": "Pa", "stiffness": "Pa/m", "extra_compliance": "m/N", "residual_stress": "Pa"}
+# all others: m
 
 
 @dataclass(frozen=True)
@@ -56,15 +48,21 @@ class Specimen:
     slip_end: float
     support: Support = "pull-pull"
     extra_compliance: float = 0.0
+    residual_stress: float = 0.0
 
     def __post_init__(self) -> None:
         for name in (f.name for f in fields(self) if f.name != "support"):
-            check = nonnegative if name == "extra_compliance" else positive
+            check = nonnegative if name in ("extra_compliance", "residual_stress") else positive
             object.__setattr__(self, name, check(f"PullOut: {name}", getattr(self, name), _UNITS.get(name, "m")))
         for small, large in (("r_fibre", "r_matrix"), ("slip_peak", "slip_end")):
             low, high = getattr(self, small), getattr(self, large)
             if not low < high:
                 raise InputError(f"PullOut: {large} is {high!r} m; it must be above {small} = {low!r} m.")
+        if not self.residual_stress < self.tau_max:
+            raise InputError(
+                f"PullOut: residual_stress is {self.residual_stress!r} Pa; it must be below the peak stress "
+                f"stiffness * slip_peak = {self.tau_max!r} Pa."
+            )
         choice("PullOut: support", self.support, get_args(Support))
 
     def with_axial_stiffness(self, a_fibre: float, a_matrix: float) -> Self:
@@ -79,21 +77,23 @@ class Specimen:
     def with_shear_compliance(self, compliance: float) -> Self:
         """Return the specimen with an elastic layer of compliance c_sl [m/Pa] in series with the bond.
 
-        The sum s + c_sl tau(s) of both slips is bilinear again, with the same strength and the same G_f; it is what
-        the returned specimen calls slip. `shear_lag_compliance` gives c_sl of a round fibre and its matrix.
+        The sum s + c_sl tau(s) of both slips follows the same kind of law again, with s0 + c_sl tau_max and
+        sf + c_sl tau_r, the same strength and the same residual stress (without one the same G_f); it is what the
+        returned specimen calls slip. `shear_lag_compliance` gives c_sl of a round fibre and its matrix.
 
         Raises
         ------
         InputError : c_sl is negative, or so large that the bond would snap back within itself.
         """
         c_sl = nonnegative("compliance", compliance, "m/Pa")
-        limit = (self.slip_end - self.slip_peak) / self.tau_max
+        limit = (self.slip_end - self.slip_peak) / (self.tau_max - self.residual_stress)
         if c_sl >= limit:
+            falls = "tau_max - tau_r" if self.residual_stress else "tau_max"
             raise InputError(
-                f"with_shear_compliance: compliance is {c_sl!r} m/Pa; stay below (sf - s0)/tau_max = {limit!r}."
+                f"with_shear_compliance: compliance is {c_sl!r} m/Pa; stay below (sf - s0)/({falls}) = {limit!r}."
             )
-        softer = 1.0 + self.stiffness * c_sl
-        return replace(self, stiffness=self.stiffness / softer, slip_peak=self.slip_peak * softer)
+        softer, slip_end = 1.0 + self.stiffness * c_sl, self.slip_end + c_sl * self.residual_stress
+        return replace(self, stiffness=self.stiffness / softer, slip_peak=self.slip_peak * softer, slip_end=slip_end)
 
     # ---- the bars ----------------------------------------------------------------------------------------------------
 
@@ -152,7 +152,7 @@ class Specimen:
     @cached_property
     def omega(self) -> float:
         """Wave number of slip in a softening zone [1/m]."""
-        return self.lam * math.sqrt(self.slip_peak / (self.slip_end - self.slip_peak))
+        return self.lam * math.sqrt(self.slip_peak * (1.0 - self.residual_share) / (self.slip_end - self.slip_peak))
 
     @cached_property
     def tau_max(self) -> float:
@@ -160,9 +160,19 @@ class Specimen:
         return self.stiffness * self.slip_peak
 
     @cached_property
+    def residual_share(self) -> float:
+        """tau_r/tau_max [-]."""
+        return self.residual_stress / self.tau_max
+
+    @cached_property
+    def overhang(self) -> float:
+        """How far beyond sf the falling line would reach zero, (sf - s0) tau_r/(tau_max - tau_r) [m]."""
+        return (self.slip_end - self.slip_peak) * self.residual_share / (1.0 - self.residual_share)
+
+    @cached_property
     def fracture_energy(self) -> float:
-        """G_f, the area under the bond law [J/m2]."""
-        return 0.5 * self.tau_max * self.slip_end
+        """G_f = (tau_max - tau_r) sf/2, spent by the cohesion: without friction the area under the bond law [J/m2]."""
+        return 0.5 * (self.tau_max - self.residual_stress) * self.slip_end
 
     def bond_stress(self, slip: ArrayLike) -> Floats:
         """Return tau(s) [Pa] for slips s [m] of any shape, with the sign of the slip.
@@ -175,42 +185,13 @@ class Specimen:
         return np.copysign(self._tau(np.abs(s)), s)
 
     def _tau(self, slip: Floats) -> Floats:
-        falling = self.tau_max * (self.slip_end - slip) / (self.slip_end - self.slip_peak)
-        return np.maximum(np.minimum(self.stiffness * slip, falling), 0.0)
+        falls, friction = self.tau_max - self.residual_stress, self.residual_stress
+        falling = friction + falls * (self.slip_end - slip) / (self.slip_end - self.slip_peak)
+        return np.minimum(self.stiffness * slip, np.maximum(falling, friction))
 
     def least_slip(self, log_slip: ArrayLike) -> Floats:
         """Return S = s0 exp(log_slip) [m]; all is computed from ln(S/s0), because S underflows in very long bonds."""
         return self.slip_peak * np.exp(np.asarray(log_slip, dtype=np.float64))
-
-    def side(self, log_slip: ArrayLike, y: ArrayLike) -> Side:
-        """Integrate s'' = c tau(s), s(0) = S, s'(0) = 0 over a distance y [m], by zones.
-
-            elastic     s = S cosh(lam y)                                        up to y_e = acosh(s0/S)/lam
-            softening   s = sf - (sf - s_e) cos(phi) + (v_e/omega) sin(phi)      phi = omega (y - y_e)
-                        up to tan(phi) = omega (sf - s_e)/v_e, with slip s_e and slope v_e at y_e
-            debonded    s = sf + v (y - y_d)
-
-        For S > s0 there is no elastic zone: y_e = 0, s_e = S, v_e = 0.
-        """
-        s0, sf, lam, omega = self.slip_peak, self.slip_end, self.lam, self.omega
-        log_slip, y = np.asarray(log_slip, dtype=np.float64), np.asarray(y, dtype=np.float64)
-        depth = np.maximum(-log_slip, 0.0)  # ln(s0/S)
-        root = np.sqrt(-np.expm1(-2.0 * depth))  # sqrt(1 - (S/s0)^2)
-
-        y_e = (depth + np.log1p(root)) / lam
-        z = lam * np.minimum(y, y_e)
-        s_e = 0.5 * s0 * (np.exp(log_slip + z) + np.exp(log_slip - z))
-        v_e = -0.5 * lam * s0 * np.exp(log_slip + z) * np.expm1(-2.0 * z)
-
-        last = np.arctan2(omega * np.maximum(sf - np.maximum(self.least_slip(log_slip), s0), 0.0), lam * s0 * root)
-        phi = np.clip(omega * (y - y_e), 0.0, last)
-        gap = np.maximum(sf - s_e, 0.0)
-        slip = s_e + gap * (1.0 - np.cos(phi)) + v_e / omega * np.sin(phi)
-        slope = omega * gap * np.sin(phi) + v_e * np.cos(phi)
-
-        debonded = np.maximum(y - y_e - last / omega, 0.0)
-        spent = phi / omega + debonded - (slope - v_e) / (lam**2 * s0)  # the integral of (s - s0)/(sf - s0), 1 at most
-        return Side(slip + slope * debonded, slope, phi, debonded, spent)
 
 
 def finite_values(name: str, values: ArrayLike) -> Floats:

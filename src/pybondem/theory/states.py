@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from pybondem.errors import InputError
-from pybondem.theory.specimen import Floats, Side, Specimen, finite_values
+from pybondem.theory.specimen import Floats, Specimen, finite_values
+from pybondem.theory.zones import Side, side
 
 _ROUND_OFF = 1e-9  # of the length: by so much may a position computed elsewhere miss an end
 
@@ -31,8 +32,11 @@ class PullOutState:
     log_slip : ln(S/s0), kept because S itself underflows in very long bonds.
     least_slip, section : the least slip S and the section x_m where it is found [m].
     load, displacement : P [N]; u of the loaded end against the held section, with that of the extra compliance [m].
-    dissipated : work that damage has used up so far [J]; unloading gives P u/2 back.
+    dissipated : work used up so far [J]: G_f (s - s0)/(sf - s0) by the cohesion, G_f at most, and tau_r (s - s0) by
+        friction, which unloads along its elastic slope tau_r/s0. Without friction, unloading gives P u/2 back.
     zones : from tip to loaded end, such as "SESD": Elastic, Softening, Debonded.
+    slips_back : whether a debonded section slips back there along the path, which friction would not let it do: the
+        state is then that of a reversible bond, `dissipated` a function of its slips.
 
     Raises
     ------
@@ -47,6 +51,7 @@ class PullOutState:
     displacement: float
     dissipated: float
     zones: str
+    slips_back: bool
 
     def slip(self, x: ArrayLike) -> Floats:
         """Return s(x) = u_f - u_m [m]."""
@@ -84,19 +89,21 @@ class PullOutState:
         return on_bond
 
     def _side(self, x: Floats) -> Side:
-        return self.specimen.side(self.log_slip, np.abs(x - self.section))
+        return side(self.specimen, self.log_slip, np.abs(x - self.section))
 
 
 @dataclass(frozen=True)
 class PullOutPath:
-    """Equilibrium states along the whole path, from P = 0 to the fibre pulled out: arrays of n values.
+    """Equilibrium states along the path, from P = 0 to the last section debonded (S = sf): arrays of n values.
 
     Attributes
     ----------
     least_slip, section : the least slip S and its section x_m [m].
     load, displacement : P [N] and u of the loaded end [m].
-    dissipated : work used up so far [J], never falling; p L G_f at the end.
+    dissipated : work used up so far [J], p L G_f and the work of friction at the end; it falls only where debonded
+        sections slip back.
     zones : n words from tip to loaded end, such as "SESD".
+    slips_back : whether a debonded section slips back there against friction (see `PullOutState`).
     """
 
     least_slip: Floats
@@ -105,3 +112,4 @@ class PullOutPath:
     displacement: Floats
     dissipated: Floats
     zones: tuple[str, ...]
+    slips_back: NDArray[np.bool_]
