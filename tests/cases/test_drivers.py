@@ -1,5 +1,6 @@
 """The drivers against closed forms: a joint in series with a spring, a split bond, the exact path of the pull-out."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -46,6 +47,18 @@ def test_snap_back_of_a_joint_and_a_spring_is_followed_exactly() -> None:
     assert np.argmax(path.displacement) < len(slip) - 5  # it turned back, and went on
     assert slip[-1] == pytest.approx(END, rel=5e-3)
     assert path.solves > 12
+
+
+def test_both_results_draw_themselves(tmp_path: Path) -> None:
+    model, _, end = in_series(damping=0.3)
+    path = dissipation_control(model, end, "x", energy=WORK / 4, steps=2, quiet=True)
+    assert path.plot(tmp_path / "path.png").stat().st_size > 10_000
+    speed = 1e-4 / 1e-3
+    envelope = load_unload(
+        model, end, "x", growth=WORK / 10, speed=speed, over=1e-4, farthest=2e-4, cycles=2, quiet=True
+    )
+    assert len(envelope.cycles) == 2
+    assert envelope.plot(tmp_path / "envelope.png").stat().st_size > 10_000
 
 
 def test_every_step_dissipates_what_it_was_told() -> None:

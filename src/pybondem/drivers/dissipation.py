@@ -16,6 +16,7 @@ into Newton's method. Here it is summed over the bonds, so that no tangent is ne
 import time as clocks
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -87,6 +88,13 @@ class EquilibriumPath:
         """Shear stress of the watched bonds (k, m) [Pa]."""
         return np.array([shear for _, shear in self.watched])
 
+    def plot(self, path: str | Path) -> Path:
+        """Draw load against displacement into a PNG (and SVG) file and return its path."""
+        from pybondem.output.figures import line_figure
+
+        labels, units = ("displacement of the end", "load"), ("m", "N")
+        return line_figure(path, self.displacement, {"load": self.load}, labels=labels, units=units)
+
 
 def dissipation_control(
     model: Model, end: Selection, axis: str, *, energy: ArrayLike, steps: int = 1000,
@@ -104,7 +112,8 @@ def dissipation_control(
     wanted = _energies(energy, whole_number("steps of dissipation_control", steps))
     began, path = clocks.perf_counter(), EquilibriumPath()
     follow = _Follower(Secant(model, end, axis, engine, threads), path, watch)
-    with Progress("equilibrium path", len(wanted), len(model), quiet=quiet or session.quiet) as progress:
+    total = len(wanted) if np.ndim(energy) else None
+    with Progress("equilibrium path", total, len(model), quiet=quiet or session.quiet) as progress:
         for k, lost in enumerate(wanted):
             exhausted = follow.step(lost)
             path.seconds = clocks.perf_counter() - began

@@ -10,6 +10,7 @@ the very pose from which it started, and what still moves there is measured.
 import time as clocks
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -63,6 +64,21 @@ class Envelope:
         """Load on the end there (cycles,) [N]."""
         return np.array([c.load[c.onset] for c in self.cycles])
 
+    def plot(self, path: str | Path) -> Path:
+        """Draw all loadings, and where damage began to grow in each, into a PNG (and SVG) file and return its path."""
+        from pybondem.output.figures import INK, PALETTE, axis_label, styled_figure
+        from pybondem.output.readable import si_scale
+
+        x, y = (si_scale(float(v.max()), unit)[0] for v, unit in ((self.displacement, "m"), (self.load, "N")))
+        with styled_figure(path) as figure:
+            axes = figure.add_subplot()
+            for cycle in self.cycles:
+                axes.plot(x * cycle.displacement, y * cycle.load, color=PALETTE[5], linewidth=0.8)
+            axes.plot(x * self.displacement, y * self.load, "o-", color=INK, linewidth=1.4, markersize=5)
+            axes.set_xlabel(axis_label("displacement of the end", "m", x))
+            axes.set_ylabel(axis_label("load", "N", y))
+        return Path(path)
+
 
 def load_unload(
     model: Model, end: Selection, axis: str, *, growth: float, speed: float, over: float, farthest: float,
@@ -89,7 +105,7 @@ def load_unload(
     sim.damage_grows = True  # raises where it cannot be otherwise
     rig = _Rig(sim, velocity, end, axis, measure or dissipated, over)
     began, envelope = clocks.perf_counter(), Envelope()
-    with Progress("loading and unloading", cycles, len(model), quiet=quiet or session.quiet) as progress:
+    with Progress("loading and unloading", None, len(model), quiet=quiet or session.quiet) as progress:
         for number in range(cycles):
             done = rig.load(speed, growth, farthest)
             rig.unload(BACK * speed)
