@@ -16,7 +16,7 @@ from pybondem.drivers import dissipation_control, load_unload
 from pybondem.examples.pullout import PullOutTest, pullout
 from pybondem.laws.library.bilinear_residual import bilinear_residual
 from pybondem.output.figures import INK, PALETTE, axis_label, styled_figure
-from pybondem.output.readable import si_scale
+from pybondem.output.readable import compact, si_scale
 from pybondem.output.sheet import Sheet, Table
 from pybondem.paper.effort import Effort
 from pybondem.theory import PullOut
@@ -103,7 +103,8 @@ def by_unloading(test: PullOutTest, count: int, effort: Effort) -> Curve:
         damping=local(0.6), engine=effort.engine, threads=effort.threads, quiet=effort.quiet,
     )  # fmt: skip
     name = f"loading and unloading, 1/{count} a cycle"
-    cost = f"{envelope.steps:,} steps, {envelope.seconds:.0f} s"
+    left = max(cycle.residual for cycle in envelope.cycles) / largest
+    cost = f"{envelope.steps:,} steps, {envelope.seconds:.0f} s; left at a restart {compact(left, 1)} of the way"
     return Curve(name, envelope.displacement, envelope.load, cost, envelope.seconds)
 
 
