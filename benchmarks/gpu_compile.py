@@ -1,13 +1,15 @@
 """Compile the whole step for a GPU with every published law, and say what it needs; no GPU is needed.
 
-python benchmarks/gpu_compile.py [--capability 9.0,8.0] [--threads 256] [--json FILE]
+python benchmarks/gpu_compile.py [--capability 8.0,9.0,10.0] [--threads 128] [--json FILE]
 
-For each law and variant: the tightest bounds of the launch (threads x blocks on a multiprocessor) at which all fits
-into registers, how many these are, bytes that do not fit, seconds. Needs the cuda extra: pip install pybondem[cuda].
+For each law and variant: the bounds of the launch (threads x blocks on a multiprocessor) that the engine takes, the
+most at which all fits into registers; how many these are, bytes that do not fit, bytes of shared memory of a block,
+seconds. Needs the cuda extra: pip install pybondem[cuda].
 """
 
 import argparse
 import json
+import re
 from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -18,17 +20,22 @@ from machine import circumstances
 import pybondem as bd
 from pybondem.assembly import assemble, step_program
 from pybondem.bonds import ValuedLaw
+from pybondem.engines.cuda_bonds import bond_text
 from pybondem.engines.cuda_compile import Capability, compile_kernel
 from pybondem.engines.cuda_half_bonds import half_bond_text
-from pybondem.engines.cuda_text import THREADS, stage_text
+from pybondem.engines.cuda_launch import RESIDENT
+from pybondem.engines.cuda_text import THREADS
 from pybondem.program import Program
 
-VARIANTS = {"bonds": stage_text, "half-bonds": half_bond_text}
+VARIANTS = {"bonds": bond_text, "half-bonds": half_bond_text}
 MOST_SPILLS = 32  # bytes; none at all depends on the toolkit
 
 
 class Needs(NamedTuple):
-    """What a kernel needs: of law, variant and capability; bounds of the launch; registers; spilled bytes; seconds."""
+    """What a kernel needs.
+
+    Of law, variant and capability: bounds of the launch; registers; spilled and shared bytes; seconds of compilation.
+    """
 
     law: str
     variant: str
@@ -36,6 +43,7 @@ class Needs(NamedTuple):
     bounds: tuple[int, int]
     registers: int | None
     spills: int | None
+    shared: int
     seconds: float
 
 
@@ -52,34 +60,33 @@ def program(law: ValuedLaw | None) -> Program:
     return step_program(assemble(model), (0.0, 0.0, -9.81), bd.local(0.2))
 
 
-def needs(law: str, variant: str, capability: Capability = (9, 0), threads: int = THREADS, most: int = 2) -> Needs:
-    """Return what the kernel of a published law needs at the tightest bounds that fit.
-
-    threads: of a block; most: blocks on a multiprocessor that are tried.
-    """
+def needs(law: str, variant: str, capability: Capability = (9, 0), threads: int = THREADS) -> Needs:
+    """Return what the kernel of a published law needs at the bounds that the engine takes; threads: of a block."""
     began = perf_counter()
     text = VARIANTS[variant](program(published()[law]), threads)
-    for resident in range(most, 0, -1):
+    for resident in dict.fromkeys(max(1, most // threads) for most in RESIDENT):
         made = compile_kernel(text, capability, (threads, resident))
         if made.spills is None or made.spills <= MOST_SPILLS:
             break
     seconds, (major, minor) = perf_counter() - began, capability
-    return Needs(law, variant, f"{major}.{minor}", (threads, resident), made.registers, made.spills, seconds)
+    shared = sum(int(n) for n in re.findall(r"\.shared .*\[(\d+)\]", made.ptx))
+    bounds = threads, resident
+    return Needs(law, variant, f"{major}.{minor}", bounds, made.registers, made.spills, shared, round(seconds, 1))
 
 
 def line(found: Needs) -> str:
     """Return a line of the table."""
     what = f"{found.law:20} {found.variant:11} {found.capability:5} {found.bounds[0]} x {found.bounds[1]} "
-    return f"{what} {found.registers!s:>9} {found.spills!s:>7} {found.seconds:8.1f}"
+    return f"{what} {found.registers!s:>9} {found.spills!s:>7} {found.shared:7d} {found.seconds:8.1f}"
 
 
-HEAD = f"{'law':20} {'variant':11} {'sm':5} {'bounds':8} {'registers':>9} {'spills':>7} {'seconds':>8}"
+HEAD = f"{'law':20} {'variant':11} {'sm':5} {'bounds':8} {'registers':>9} {'spills':>7} {'shared':>7} {'seconds':>8}"
 
 
 def main() -> None:
     """Print the table, and write it to a file if asked to."""
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    asked.add_argument("--capability", default="9.0", help="of the GPU, one or several: 8.0,9.0,10.0")
+    asked.add_argument("--capability", default="8.0,9.0,10.0", help="of the GPU, one or several")
     asked.add_argument("--threads", type=int, default=THREADS, help=f"of a block ({THREADS})")
     asked.add_argument("--json", type=Path, help="file for the table")
     given = asked.parse_args()
@@ -89,7 +96,7 @@ def main() -> None:
         major, _, minor = words.partition(".")
         for law in published():
             for variant in VARIANTS:
-                found.append(needs(law, variant, (int(major), int(minor or 0)), given.threads, 512 // given.threads))
+                found.append(needs(law, variant, (int(major), int(minor or 0)), given.threads))
                 print(line(found[-1]), flush=True)
     if given.json:
         record: dict[str, Any] = {"kernels": [f._asdict() for f in found], **circumstances()}

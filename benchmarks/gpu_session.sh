@@ -2,7 +2,7 @@
 # All that a machine with an NVIDIA GPU can tell that others cannot, without a network: at most ten minutes on an H100.
 #
 #     benchmarks/gpu_session.sh                      all parts, one after another
-#     benchmarks/gpu_session.sh tests speed          some of them: equality speed layouts sanitizer tests
+#     benchmarks/gpu_session.sh tests speed          some of: standard equality tests speed sanitizer layouts
 #
 # PYTHON: an interpreter with the cuda extra (default: .venv/bin/python, else python3). OUT: folder of the results
 # (default: benchmarks/results). LIMIT: seconds for all of it (default: 600). Each part has a limit of its own too, and
@@ -19,8 +19,16 @@ results=$out/gpu-$(date -u +%Y-%m-%d).json
 export PYTHONPATH=src${PYTHONPATH:+:$PYTHONPATH} PYTHONUNBUFFERED=1 PYBONDEM_REQUIRE_GPU=1
 most=${LIMIT:-600}
 parts=("$@")
-((${#parts[@]})) || parts=(equality tests speed sanitizer layouts)
+((${#parts[@]})) || parts=(standard equality speed sanitizer tests layouts)
 failed=()
+# Tests of the standard that the engine is held to: the same bits again, the same as other engines, rigid rotation.
+named=(
+    S1 tests/engines/test_repeat.py::test_s1_five_runs_with_breaking_bonds_have_the_same_bits
+    S6 tests/engines/test_invariants.py::test_one_step_from_a_loaded_state_is_the_same_on_every_engine
+    S6 tests/engines/test_invariants.py::test_a_thousand_steps_are_the_same_on_every_engine
+    S13 tests/engines/test_invariants.py::test_rigid_rotation_loads_nothing
+    S13 tests/cases/test_verification_cluster.py::test_d06_rigid_rotation_gives_nothing
+)
 
 # run NAME SECONDS COMMAND...: at most so long; what it prints is shown and kept.
 run() {
@@ -36,6 +44,12 @@ run() {
     local code=${PIPESTATUS[0]}
     ((code == 0)) || failed+=("$name (exit code $code)")
     printf '== %s: exit code %d after %d s\n' "$name" "$code" $((SECONDS - began))
+}
+
+standard() {
+    local tests=()
+    for ((n = 1; n < ${#named[@]}; n += 2)); do tests+=("${named[n]}"); done
+    run "S1 S6 S13" 120 "$python" -m pytest -v -p no:cacheprovider -k cuda "${tests[@]}"
 }
 
 tests() {
@@ -58,9 +72,10 @@ speed() {
     run "start-up" 60 "${case[@]}" --engine cuda --particles 1000
     run speed 200 "${case[@]}" --engine cuda:bonds,cuda:half-bonds --no-start --particles 1000,10000,100000,1000000
     run "cost of damage" 60 "${case[@]}" --engine cuda --no-start --particles 1000000 --law bilinear --law-active
-    run "pull-out" 60 "$python" -m pybondem run pullout -s diameter=0.47 --engine cuda -o "$out/gpu-pull-out"
+    run "pull-out" 60 "$python" benchmarks/gpu_pullout.py --folder "$(mktemp -d)/run" --json "$results"
     run "speed of 8 million" 240 "${case[@]}" --engine cuda --no-start --particles 8000000
     run shares 60 "$python" benchmarks/gpu_ceilings.py --json "$results" --beside
+    run floors 20 "$python" benchmarks/gpu_floors.py "$results"
 }
 
 sanitizer() {
@@ -89,9 +104,9 @@ except EngineError as error:
 ' || exit 1
 for part in "${parts[@]}"; do
     case $part in
-    tests | equality | layouts | speed | sanitizer) "$part" ;;
+    standard | tests | equality | layouts | speed | sanitizer) "$part" ;;
     *)
-        echo "there is no part $part: equality speed layouts sanitizer tests" >&2
+        echo "there is no part $part: standard equality speed sanitizer tests layouts" >&2
         exit 2
         ;;
     esac

@@ -20,8 +20,8 @@ from pybondem import simulation
 from pybondem.engines.cuda import Cuda
 from pybondem.engines.cuda_device import Variant
 
-# Threads of a block, blocks on a multiprocessor.
-LAYOUTS = ((64, 6), (128, 2), (128, 3), (128, 4), (256, 1), (256, 2), (512, 1))
+# Threads of a block, blocks on a multiprocessor: 384, 256 and 512 threads on it at registers for as many.
+LAYOUTS = ((128, 3), (128, 2), (128, 4), (64, 6), (96, 4), (192, 2), (256, 1), (256, 2))
 SECONDS, REPEATS = 0.3, 5
 
 

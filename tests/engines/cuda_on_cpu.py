@@ -12,6 +12,7 @@ import numpy as np
 
 from pybondem.engines import cpu
 from pybondem.engines.binding import bind
+from pybondem.engines.cuda_bonds import bond_text
 from pybondem.engines.cuda_half_bonds import half_bond_text
 from pybondem.engines.cuda_phases import indented
 from pybondem.engines.cuda_text import Round, Sweep, Text, is_step, stage_text
@@ -45,9 +46,9 @@ class CudaOnCpu:
         self.variant, self.threads, self.order, self.compiled = variant, threads, ORDERS.index(order), compiled
 
     def prepare(self, program: Program) -> "Runner":
-        """Return a runner for the program: of the variant where it is a time step, else of "bonds"."""
-        halves = self.variant == "half-bonds" and is_step(program)
-        return Runner((half_bond_text if halves else stage_text)(program, self.threads), self.order, self.compiled)
+        """Return a runner for the program: of the variant where it is a time step, else as it stands."""
+        step = {"bonds": bond_text, "half-bonds": half_bond_text}[self.variant]
+        return Runner((step if is_step(program) else stage_text)(program, self.threads), self.order, self.compiled)
 
 
 class Runner:

@@ -13,7 +13,8 @@ import pytest
 
 import pybondem as bd
 from pybondem.engines import cuda_compile
-from pybondem.engines.cuda_compile import argument_types, compile_kernel, kernel_of, missing
+from pybondem.engines.cuda_compile import argument_types, compile_kernel, missing
+from pybondem.engines.cuda_launch import compiled
 from pybondem.engines.cuda_text import stage_text
 from pybondem.errors import EngineError
 
@@ -21,10 +22,6 @@ MISSING = missing()
 needs_compiler = pytest.mark.skipif(MISSING is not None, reason=f"no compiler for GPUs: {MISSING}")
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 MOST_SPILLS = 32  # bytes; none at all depends on the toolkit
-MORE_SPILLS = {
-    ("plastic_slip", "10.0"): 256,
-    ("thermal", "10.0"): 256,
-}  # bond laws, which keep six loads and components
 CAPABILITIES = [(8, 0), (9, 0), (10, 0)]
 FEW = ("elastic", "plastic_slip")  # no law, and the one that needs most
 variants = pytest.mark.parametrize("variant", ["bonds", "half-bonds"])
@@ -61,14 +58,15 @@ def hold_to_limits(found: Any) -> None:
     if found.registers is None:
         pytest.skip("ptxas was not found: registers and spills are not known")
     assert found.registers * found.bounds[0] * found.bounds[1] <= 65536
-    assert found.spills <= MORE_SPILLS.get((found.law, found.capability), MOST_SPILLS)
+    assert found.spills < MOST_SPILLS
+    assert found.bounds[0] * found.bounds[1] >= 256  # of 2048: fewer could not wait for memory
 
 
 @needs_compiler
 @variants
 @pytest.mark.parametrize(("law", "capability"), some(["elastic", *bd.laws.__all__]))
 def test_a_cuda_kernel_with_each_law_fits_into_registers(gpu_compile, law, capability, variant):
-    found = gpu_compile.needs(law, variant, capability, most=1)
+    found = gpu_compile.needs(law, variant, capability)
     print("\n" + gpu_compile.line(found), end="")
     hold_to_limits(found)
 
@@ -80,20 +78,20 @@ def test_a_cuda_kernel_with_a_users_law_is_one_cooperative_kernel_in_doubles(gpu
     text = gpu_compile.VARIANTS[variant](gpu_compile.program(users(peak=1e-5, viscosity=1e-3)))
     made = compile_kernel(text, capability)
     assert made.ptx.count(".entry") == 1
-    assert len(re.findall(r"call[^;]*cudaCGSynchronize", made.ptx)) == 3
+    assert len(re.findall(r"call[^;]*cudaCGSynchronize", made.ptx)) == MEETINGS[variant].count("GRID")
     # Double precision throughout, but for the exponential, which looks at its argument's upper half as a float.
     assert not re.search(r"\b(add|sub|mul|fma|div|sqrt|rcp|ex2|lg2)\.\S*f32", made.ptx)
     # A copy of the loop over half-bonds might be contracted in another way, and both sides of a bond then not agree.
     assert len(re.findall(r"\bbar(rier)?\.(cta\.)?sync\b", made.ptx)) == (2 if variant == "half-bonds" else 0)
     shared = sum(int(n) for n in re.findall(r"\.shared .*\[(\d+)\]", made.ptx))
-    assert shared == (6 * 256 * 8 if variant == "half-bonds" else 0)
+    assert shared == (6 * 128 * 8 if variant == "half-bonds" else 0)
     assert f".maxntid {text.threads}" in made.ptx
     if made.spills is not None:
-        assert made.spills <= MOST_SPILLS
+        assert made.spills < MOST_SPILLS
 
 
 MEETINGS = {  # what the kernel calls, and where a block (BLOCK) or the whole grid (GRID) waits for itself
-    "bonds": "begin GRID bonds1 GRID turn GRID",
+    "bonds": "begin pack1 GRID bonds1 GRID turn GRID unpack unpack1 GRID",
     "half-bonds": "begin pack_bonds GRID evaluate BLOCK turn BLOCK GRID unpack unpack_bonds GRID",
 }
 
@@ -122,11 +120,13 @@ def test_a_cuda_kernel_of_each_program_compiles(gpu_compile):
 
 
 @needs_compiler
-def test_a_cuda_kernel_is_made_once(gpu_compile):
+def test_a_cuda_kernel_is_made_once(gpu_compile, tmp_path, monkeypatch):
+    monkeypatch.setenv("PYBONDEM_CACHE", str(tmp_path))
     text = stage_text(gpu_compile.program(None))
     again = stage_text(gpu_compile.program(None))
-    assert kernel_of(text) is kernel_of(again)
-    assert kernel_of(text) is not kernel_of(again._replace(threads=128))
+    assert compiled(text) is compiled(again)
+    assert compiled(text) is not compiled(again._replace(threads=64))
+    assert compiled(text) is not compiled(text, at_once=2)
     assert len(list(argument_types(text))) == 1 + len(text.arguments) + len(text.private)
 
 

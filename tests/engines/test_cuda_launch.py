@@ -23,6 +23,7 @@ import pybondem as bd
 from pybondem.assembly import assemble, step_program
 from pybondem.engines import cuda, cuda_compile, cuda_launch
 from pybondem.engines.cuda_device import Gpu
+from pybondem.engines.cuda_half_bonds import half_bond_text
 from pybondem.engines.cuda_text import stage_text
 import numba.cuda
 from numba.cuda import codegen, dispatcher
@@ -50,6 +51,23 @@ made = kernel.compile(tuple(cuda_compile.argument_types(text)))
 print(sum(kernel._cache_hits.values()), sum(kernel._cache_misses.values()), made.cooperative)
 """
 
+FRAMES = """
+import struct
+kernel = cuda_launch.compiled(half_bond_text(program), 3)
+cubin = kernel.compile(tuple(cuda_compile.argument_types(half_bond_text(program))))._codelibrary.get_cubin().code
+
+def told(attribute):  # of each function, by its symbol: see EIATTR_REGCOUNT, EIATTR_FRAME_SIZE of an ELF for CUDA
+    found, at = {}, -1
+    while (at := cubin.find(bytes([4, attribute, 8, 0]), at + 1)) >= 0:
+        symbol, size = struct.unpack("<II", cubin[at + 4 : at + 12])
+        found[symbol] = size
+    return found
+
+registers = told(0x2F)
+kernel = max(registers, key=registers.get)
+print(registers[kernel], told(0x11)[kernel])
+"""
+
 LAUNCH = """
 class Pointer:
     device_ctypes_pointer = ctypes.c_void_p(4096)
@@ -70,7 +88,8 @@ class Memory(cuda_launch.Device):
 gpu = Gpu("H100", (9, 0), 2**33, 2**33, "580")
 cuda.usable, cuda.Device, numba.cuda.synchronize = lambda: gpu, Memory, lambda: None
 driver._to_core_stream = lambda stream: stream
-codegen.CUDACodeLibrary.get_cufunc = lambda self: SimpleNamespace(kernel=None, name="advance")
+linked = SimpleNamespace(kernel=None, name="advance", attrs=SimpleNamespace(local=LOCAL))
+codegen.CUDACodeLibrary.get_cufunc = lambda self: linked
 dispatcher.LaunchConfig = lambda **given: given
 launches = []
 dispatcher.launch = lambda stream, config, kernel, *arguments: launches.append((config, arguments))
@@ -80,6 +99,11 @@ for steps in (1, 2, 900, 5):
     runner.advance(steps, 1e-7, done.tables.schedule(0, steps, 1e-7))
 for config, arguments in launches:
     print(config["is_cooperative"], config["grid"][0], config["block"][0], arguments[0].value)
+ours = launches[-1]
+prepared = runner._launch.__closure__[[c for c in runner._launch.__code__.co_freevars].index("prepared")].cell_contents
+prepared._made.launch(prepared._values, ours[0]["grid"], ours[0]["block"])
+plain = [[getattr(word, "value", word) for word in words] for _, words in (ours, launches[-1])]
+assert plain[0] == plain[1] and ours[0] == launches[-1][0]
 print(runner._text.blocks, [len(kernel.overloads) for kernel in cuda_launch._KERNELS.values()])
 """
 
@@ -105,13 +129,25 @@ def test_a_compiled_kernel_is_found_on_disk_by_the_next_process(said):
 
 @pytest.mark.parametrize("variant", ["bonds", "half-bonds"])
 def test_one_cooperative_launch_for_any_number_of_steps_and_one_kernel_for_all(said, variant):
-    *launches, (blocks, *kernels) = said(LAUNCH, RADIUS=2e-2, VARIANT=variant)
-    assert launches == [["True", blocks, "256", steps] for steps in ("1", "2", "900", "5")]
+    """Its arguments are those that numba-cuda itself hands to the driver, those of earlier launches among them."""
+    *launches, (blocks, *kernels) = said(LAUNCH, RADIUS=2e-2, VARIANT=variant, LOCAL=16)
+    assert launches == [["True", blocks, "128", steps] for steps in ("1", "2", "900", "5")]
     assert 1 < int(blocks) < 264
     assert kernels == ["[1]"]
 
 
 def test_no_more_blocks_are_launched_than_the_gpu_holds_at_once(said):
-    *launches, (blocks, *_) = said(LAUNCH, RADIUS=0.2, VARIANT="bonds")
+    *launches, (blocks, *_) = said(LAUNCH, RADIUS=0.2, VARIANT="bonds", LOCAL=0)
     assert int(blocks) > 264
     assert {grid for _, grid, _, _ in launches} == {"264"}  # two on each of 132 multiprocessors
+
+
+def test_a_kernel_that_spills_is_compiled_for_fewer_threads_at_once(said):
+    *_, (_, *kernels) = said(LAUNCH, RADIUS=6e-3, VARIANT="half-bonds", LOCAL=100)
+    assert " ".join(kernels) == "[1, 1, 1]"
+
+
+def test_the_linked_kernel_of_an_elastic_step_has_384_threads_on_a_multiprocessor_without_spills(said):
+    ((registers, frame),) = said(FRAMES, RADIUS=6e-3)
+    assert 384 * int(registers) <= 65536
+    assert int(frame) <= 16

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 import pybondem as bd
 from pybondem.assembly import assemble, energy_program, linear_program, step_program
+from pybondem.engines.cuda_bonds import bond_text
 from pybondem.engines.cuda_half_bonds import half_bond_text
 from pybondem.engines.cuda_partition import half_bonds, share_out
 from pybondem.engines.cuda_text import is_step, stage_text
@@ -176,6 +177,28 @@ def test_cuda_phases_of_a_model_without_bonds(variant):
     assert_same(ran(scene, CudaOnCpu(variant), 2, 1), ran(scene, "interpreted", 3))
 
 
+@variants
+@pytest.mark.parametrize("other", ["reference", pytest.param("cpu", marks=pytest.mark.slow)])
+def test_cuda_phases_freeze_damage_as_other_engines_do(variant, other):
+    """Laws of one damage and of four, with rates and memories; a bond law is not to be frozen."""
+    families = {name: bond for name, bond in kinds().items() if name != "slipping"}
+    scene = with_loose(loaded(cluster(16, families), 16), 1)
+    results = []
+    for engine in (CudaOnCpu(variant, threads=16), other):
+        sim, seen = scene.build(engine, conditions, **BEFORE), []
+        for steps, sim.damage_grows in ((4, True), (3, False), (2, False), (4, True)):
+            seen.append(state(sim.run(steps, quiet=True)))
+        for name in (name for name in seen[0] if "damage" in name or " m_" in name or "lost" in name):
+            assert np.array_equal(seen[0][name], seen[1][name])
+            assert np.array_equal(seen[0][name], seen[2][name])
+        changed = {name for name in seen[0] if not np.array_equal(seen[2][name], seen[3][name])}
+        assert sum(name.endswith(" damage") for name in changed) >= 3
+        results.append(seen)
+    for found, expected in zip(*results, strict=True):
+        for name, truth in expected.items():
+            assert_near(found[name], truth, 1e-11, name)
+
+
 # Advances in a row, blocks of any size --------------------------------------------------------------------------
 
 
@@ -219,10 +242,10 @@ def test_cuda_phases_do_not_depend_on_the_order_of_blocks_and_threads(variant, o
 
 
 FAULTS = [  # what is right in the text of the phases, and a race in its place
-    ("seen[other, k, 0], seen[other, k, 1], seen[other, k, 2]", "seen[half, k, 0], seen[half, k, 1], seen[half, k, 2]"),
+    ("to_k = other + place", "to_k = half + place"),
     ("shared[5, thread] =", "shared[5, thread - thread % 2] ="),
-    ("own_b0[2, u] = potential_0", "own_b0[2, u - u % 2] = potential_0"),
-    ("p_force[0, k], p_force[1, k], p_force[2, k] = force_0", "p_force[0, 0], p_force[1, 0], p_force[2, 0] = force_0"),
+    ("u = place(c, ", "u = place(c - c % 2, "),
+    ("kept_k = place(k, ", "kept_k = place(k - k % 2, "),
 ]
 
 
@@ -275,11 +298,11 @@ def test_cuda_phases_know_a_step(programs):
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("make", [stage_text, half_bond_text])
+@pytest.mark.parametrize("make", [bond_text, half_bond_text])
 def test_cuda_phases_write_what_they_say(programs, make):
     """Every array that changes is named, and every one that is named changes in a loaded model."""
     scene = everything(14)
-    sim = scene.build(CudaOnCpu("bonds" if make is stage_text else "half-bonds"), conditions, **BEFORE)
+    sim = scene.build(CudaOnCpu("bonds" if make is bond_text else "half-bonds"), conditions, **BEFORE)
     text = sim._runner.text  # type: ignore[attr-defined]
     arrays = {name: value for name, value in text.arguments.items() if isinstance(value, np.ndarray)}
     before = {name: value.copy() for name, value in arrays.items()}
@@ -293,11 +316,12 @@ def test_cuda_phases_write_what_they_say(programs, make):
 def test_cuda_phases_say_how_many_blocks_they_fill(programs):
     n = programs["step"].particles["force"].shape[1]
     bonds = max(block.count for block in programs["step"].blocks)
-    assert stage_text(programs["step"], threads=8).blocks == -(-max(n, bonds) // 8)
+    for make in (stage_text, bond_text):
+        assert make(programs["step"], threads=8).blocks == -(-max(n, bonds) // 8)
     text = half_bond_text(programs["step"], threads=16)
     assert text.blocks == len(text.private["chunks"].initial)
-    assert text.private["seen"].shape == (2, n, 16)
-    assert half_bond_text(programs["step"]).threads == 256
+    assert text.private["seen"].shape == (2 * 16 * 16 * -(-n // 16),)
+    assert half_bond_text(programs["step"]).threads == 128
 
 
 # Who owns what --------------------------------------------------------------------------------------------------

@@ -20,7 +20,7 @@ from typer.testing import CliRunner
 import pybondem as bd
 from pybondem.assembly import assemble, energy_program, step_program
 from pybondem.cli import app
-from pybondem.engines import cuda, cuda_device
+from pybondem.engines import cuda, cuda_device, cuda_launch
 from pybondem.engines.cuda import Cuda
 from pybondem.engines.cuda_compile import missing
 from pybondem.engines.cuda_device import Gpu
@@ -70,7 +70,7 @@ class PlainDevice:
     def free(self) -> int:
         return self.gpu.free - self.held
 
-    def kernel(self, text: Text, values: Sequence[Any], at_once: int) -> Any:
+    def kernel(self, text: Text, values: Sequence[Any], at_once: int | None) -> Any:
         """Return a launch on the CPU, one thread after another."""
         advance = kernel(text, compiled=False)
 
@@ -310,6 +310,23 @@ def test_after_a_fault_every_call_says_that_the_state_is_lost(failing):
         assert str(again.value) == str(first.value)
 
 
+class nvJitLinkError(Exception):
+    """Named as the linker's."""
+
+
+def test_what_the_linker_refuses_is_said_in_a_sentence(failing, monkeypatch):
+    def refuse(*_: Any) -> Any:
+        raise nvJitLinkError("ERROR_PTX_COMPILE\n Linker error log: unsupported toolchain")
+
+    device = failing("")
+    monkeypatch.setattr(cuda_launch, "fitting", refuse)
+    with pytest.raises(
+        EngineError, match=r"^no kernel can be built for Test GPU: ERROR_PTX_COMPILE Linker error log: uns"
+    ):
+        device.kernel(None, [], None)  # type: ignore[arg-type]
+    assert device.failed is None
+
+
 def test_an_error_of_our_own_is_not_taken_for_one_of_the_driver(failing):
     device = failing("")
     with pytest.raises(AttributeError):
@@ -344,7 +361,7 @@ class PlainDriver:
 
     def __init__(self, count: int = 1, cuda: int = 13000, capability: tuple[int, int] = (9, 0), start: int = 0) -> None:
         self._count, self._cuda, self._capability, self._start = count, cuda, capability, start
-        self.pushed = 0
+        self.pushed, self.deaf = 0, False
 
     def cuInit(self, flags: int) -> int:
         return self._start
@@ -384,6 +401,8 @@ class PlainDriver:
         return 0
 
     def cuMemGetInfo_v2(self, free: Any, total: Any) -> int:
+        if self.deaf:
+            return 803
         assert self.pushed == 1  # it is asked of the current context
         self._write(total, 80 * 2**30)
         return self._write(free, 76 * 2**30)
@@ -423,6 +442,20 @@ def test_the_gpu_is_what_the_driver_says(driver):
     library = driver()
     assert cuda_device.usable() == Gpu("NVIDIA H100", (9, 0), 80 * 2**30, 76 * 2**30, "580.65.06")
     assert library.pushed == 0
+
+
+def test_a_driver_that_does_not_tell_of_memory_is_no_gpu_without_memory(driver):
+    library = driver()
+    library.deaf = True
+    with pytest.raises(EngineError, match="the NVIDIA driver does not answer: CUDA_ERROR_SYSTEM_DRIVER_MISMATCH"):
+        cuda_device.gpu()
+    assert library.pushed == 0
+
+
+def test_info_never_takes_the_simulator_for_a_gpu(driver, monkeypatch):
+    driver()
+    monkeypatch.setenv("NUMBA_ENABLE_CUDASIM", "1")
+    assert cuda_device.described().startswith("none: NUMBA_ENABLE_CUDASIM is set")
 
 
 def no_library(windows: str, linux: str) -> Any:
@@ -513,7 +546,7 @@ def test_a_law_that_no_gpu_can_run_is_refused_with_its_own_line(plain, driven, m
         longest = bd.maximum(m.longest, d.opening)
         return {"damage": p.rate * longest}["damage"] * 0.0, longest
 
-    def refuse(self: Any, text: Text, values: Any, at_once: int) -> Any:
+    def refuse(self: Any, text: Text, values: Any, at_once: int | None) -> Any:
         if "b0_m_longest" in text.arguments:
             raise AttributeError("build_map")
         return taken(self, text, values, at_once)

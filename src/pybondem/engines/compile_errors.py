@@ -13,6 +13,8 @@ from types import CodeType, FunctionType, ModuleType
 from typing import Any, NamedTuple
 
 from pybondem.engines.binding import codes_of, globals_of, names_of, parts_of
+from pybondem.errors import EngineError, LawError
+from pybondem.program import Called, Program
 
 PACKAGE = Path(__file__).parents[1]
 PLACES = re.compile(
@@ -109,6 +111,16 @@ def explain(error: Exception, function: Callable[..., Any]) -> str:
     else:
         reason, place = _reason(error), _place(error, functions)
     return f"{function.__name__} cannot be compiled: {reason} ({located(place)})."
+
+
+def refuse_laws(program: Program, compile_law: Callable[[Called], object]) -> None:
+    """Compile each law of a program alone; raises LawError with its author's own line for the first that cannot be."""
+    for law in program.laws:
+        try:
+            compile_law(law)
+        except Exception as error:
+            said = str(error) if isinstance(error, EngineError) else explain(error, law.user)
+            raise LawError(f"{said} The engines reference and interpreted compile nothing.") from None
 
 
 def stopped(error: Exception, users: Iterable[Callable[..., Any]]) -> str | None:

@@ -13,10 +13,11 @@ import platform
 import sys
 import tempfile
 import warnings
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
-from typing import Any
+from typing import Any, Protocol
 
 import llvmlite.binding as llvm
 import numba
@@ -26,11 +27,11 @@ from numba.core import config
 from pybondem import ops
 from pybondem.engines import cpu_words
 from pybondem.engines.binding import bind, globals_of, names_of, parts_of
-from pybondem.engines.compile_errors import explain
+from pybondem.engines.compile_errors import refuse_laws
 from pybondem.engines.lookups import INDEX_WORDS
 from pybondem.engines.loops import Loops
-from pybondem.errors import EngineError, LawError
-from pybondem.program import Program
+from pybondem.errors import EngineError
+from pybondem.program import Body, Called, Program
 from pybondem.state import Arrays
 
 SPINS = "2000"
@@ -122,13 +123,25 @@ def _digest(files: tuple[tuple[Path, int, int], ...]) -> bytes:
     return hashlib.sha256(b"".join(path.read_bytes() for path, _, _ in files)).digest()
 
 
-def fingerprint(loops: Loops) -> str:
+class Generated(Protocol):
+    """A text that is to be compiled, and the functions that it calls by name."""
+
+    @property
+    def source(self) -> str:
+        """The text."""
+
+    @property
+    def bodies(self) -> Mapping[str, Body]:
+        """What it calls."""
+
+
+def fingerprint(text: Generated) -> str:
     """Return a key that changes with anything that the compiled code depends on."""
     key = hashlib.sha256(package_source())
-    for name, body in loops.bodies.items():
+    for name, body in text.bodies.items():
         key.update(name.encode() + _code_of(body, []))
     versions = (numba.__version__, llvm.llvm_version_info, np.__version__, sys.version, platform.machine())
-    key.update(repr((loops.source, versions, config.CPU_FEATURES, llvm.get_host_cpu_name())).encode())
+    key.update(repr((text.source, versions, config.CPU_FEATURES, llvm.get_host_cpu_name())).encode())
     return key.hexdigest()[:24]
 
 
@@ -176,15 +189,10 @@ def compiled(loops: Loops) -> Any:
     return module.advance
 
 
-def refuse_laws(program: Program) -> None:
-    """Compile each law of a program alone; raises LawError with its author's own line for the first that cannot be."""
-    for law in program.laws:
-        numbers = [1.0 if kind is float else kind(*(1.0 for _ in kind._fields)) for kind in law.types]
-        try:
-            bind(law.function, WORDS, inlined, _BOUND)(*numbers)
-        except Exception as error:
-            said = f"{explain(error, law.user)} The engines reference and interpreted compile nothing."
-            raise LawError(said) from None
+def compile_law(law: Called) -> None:
+    """Compile a law alone."""
+    numbers = [1.0 if kind is float else kind(*(1.0 for _ in kind._fields)) for kind in law.types]
+    bind(law.function, WORDS, inlined, _BOUND)(*numbers)
 
 
 class CpuRunner:
@@ -202,7 +210,7 @@ class CpuRunner:
         try:
             self._advance(steps, *self._loops.values(dt, schedule))
         except Exception:  # Numba raises more than its own errors
-            refuse_laws(self._loops.program)
+            refuse_laws(self._loops.program, compile_law)
             raise
 
 

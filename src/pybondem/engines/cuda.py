@@ -3,24 +3,31 @@
 One launch advances many steps. The same bits on every run of one GPU: no atomics, sums in fixed order.
 """
 
+from collections.abc import Callable
 from typing import Any, get_args
 
 import numpy as np
 
 from pybondem.check import choice, whole_number
-from pybondem.engines.compile_errors import explain
-from pybondem.engines.cuda_compile import compile_for_gpu
-from pybondem.engines.cuda_device import Capability, Variant, fastest, usable
+from pybondem.engines.compile_errors import refuse_laws
+from pybondem.engines.cuda_bonds import bond_text
+from pybondem.engines.cuda_compile import assembly
+from pybondem.engines.cuda_device import Variant, fastest, usable
 from pybondem.engines.cuda_half_bonds import half_bond_text
 from pybondem.engines.cuda_launch import Device, Launch, out_of_memory
 from pybondem.engines.cuda_memory import Mirror, Rows
 from pybondem.engines.cuda_phases import fields_of
 from pybondem.engines.cuda_text import THREADS, Text, is_step, stage_text
-from pybondem.errors import EngineError, InputError, LawError
+from pybondem.errors import EngineError, InputError
 from pybondem.program import Program
-from pybondem.state import ENERGY, SCHEDULED_FIELDS, Arrays, Fields
+from pybondem.state import ENERGY, GROWING, SCHEDULED_FIELDS, Arrays, Fields
 
-GIVEN = {ENERGY.name, *(field.name for field in SCHEDULED_FIELDS)}  # with each call, not held between calls
+GIVEN = {
+    ENERGY.name,
+    GROWING.name,
+    *(field.name for field in SCHEDULED_FIELDS),
+}  # with each call, not held between calls
+TEXTS: dict[Variant, Callable[[Program, int], Text]] = {"bonds": bond_text, "half-bonds": half_bond_text}
 MOST_THREADS = 1024  # of a block
 LEFT_FREE = 2**26  # bytes of GPU memory for the kernel itself
 
@@ -28,7 +35,7 @@ LEFT_FREE = 2**26  # bytes of GPU memory for the kernel itself
 class CudaRunner:
     """A program on the GPU."""
 
-    def __init__(self, program: Program, text: Text, device: Device, mirror: Mirror, at_once: int) -> None:
+    def __init__(self, program: Program, text: Text, device: Device, mirror: Mirror, at_once: int | None) -> None:
         self._program, self._text, self._device, self._mirror = program, text, device, mirror
         self._at_once = at_once
         self._launch: Launch | None = None
@@ -55,6 +62,7 @@ class CudaRunner:
         for there, p in zip(self._private, private, strict=True):
             if p.initial is not None:
                 self._device.upload(p.initial, there)
+        self._text = self._text.without_initial()  # which may be gigabytes
 
     def advance(self, steps: int, dt: float, schedule: Arrays) -> None:
         """Run the program's stages `steps` times, dt [s] apart.
@@ -97,7 +105,8 @@ class CudaRunner:
         except EngineError:
             raise
         except Exception:  # Numba raises more than its own errors
-            refuse_laws(self._program, self._device.gpu.capability)
+            capability = self._device.gpu.capability
+            refuse_laws(self._program, lambda law: assembly(law.function, law.types, capability))
             raise
 
     def _run(self, steps: int, dt: float, values: list[Any]) -> None:
@@ -122,35 +131,25 @@ def _read_of_particles(program: Program) -> dict[str, Any]:
     return {name: array for name, array in program.particles.items() if name in read and isinstance(array, np.ndarray)}
 
 
-def refuse_laws(program: Program, capability: Capability) -> None:
-    """Compile each law of a program alone; raises LawError with its author's own line for the first that cannot be."""
-    for law in program.laws:
-        try:
-            compile_for_gpu(law.function, law.types, capability)
-        except EngineError as error:
-            said = explain(error.__context__, law.user) if isinstance(error.__context__, Exception) else str(error)
-            raise LawError(f"{said} The engines reference and interpreted compile nothing.") from None
-
-
 class Cuda:
     """Engine "cuda".
 
     variant: how a step is laid out on the GPU. "bonds": one thread per bond, loads through memory, two meetings of all
     blocks in a step; "half-bonds": one thread for each end of a bond, loads within a block, one meeting; None: what
     should be faster on this GPU. threads: of a block; at_once: blocks that must fit on one multiprocessor, where more
-    of them wait less for memory and leave fewer registers to each. Raises EngineError where no GPU can be used; never
-    runs on anything else.
+    of them wait less for memory and leave fewer registers to each; None: as many as fit without spills. Raises
+    EngineError where no GPU can be used; never runs on anything else.
     """
 
     name = "cuda"
 
-    def __init__(self, variant: Variant | None = None, threads: int = THREADS, at_once: int = 1) -> None:
+    def __init__(self, variant: Variant | None = None, threads: int = THREADS, at_once: int | None = None) -> None:
         if variant is not None:
             choice("variant of the engine cuda", variant, get_args(Variant))
         self.threads = whole_number("threads of the engine cuda", threads)
         if self.threads > MOST_THREADS:
             raise InputError(f"threads of the engine cuda is {threads}; it must not exceed {MOST_THREADS}.")
-        self.at_once = whole_number("at_once of the engine cuda", at_once)
+        self.at_once = None if at_once is None else whole_number("at_once of the engine cuda", at_once)
         try:
             self.gpu = usable()
         except EngineError as error:
@@ -164,6 +163,6 @@ class Cuda:
 
         Raises EngineError with needed and free bytes where the program does not fit.
         """
-        halves = self.variant == "half-bonds" and is_step(program)
-        text = (half_bond_text if halves else stage_text)(program, self.threads)
+        make = TEXTS[self.variant] if is_step(program) else stage_text
+        text = make(program, self.threads)
         return CudaRunner(program, text, self._device, self._mirror, self.at_once)

@@ -10,6 +10,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
@@ -32,7 +33,7 @@ EXTRA = "pip install pybondem[cuda]"
 Capability = tuple[int, int]
 SOURCE = "<CUDA kernel>"
 
-_KERNELS: dict[Any, Any] = {}  # compiled code is never freed: make each kernel once
+_ONE_AT_A_TIME = threading.RLock()  # who tells Numba which device there is tells all threads
 
 
 class Compiled(NamedTuple):
@@ -73,7 +74,7 @@ def compile_for_gpu(
     if why := missing():
         raise EngineError(f"{function.__name__} cannot be compiled for a GPU: {why}.")
     try:
-        ptx = _ptx(function, argument_types, capability)
+        ptx = assembly(function, argument_types, capability)
     except EngineError:
         raise
     except Exception as error:  # Numba raises anything, AttributeError too, at what it does not know
@@ -81,8 +82,11 @@ def compile_for_gpu(
     return Compiled(ptx, *_needs(ptx))
 
 
-def _ptx(function: Callable[..., Any], argument_types: Sequence[Any], capability: Capability) -> str:
-    """Return the assembly of a kernel around a function; the function goes first, alone, for the sake of its errors."""
+def assembly(function: Callable[..., Any], argument_types: Sequence[Any], capability: Capability) -> str:
+    """Return the assembly of a kernel around a function; the function goes first, alone, for the sake of its errors.
+
+    Raises what the compiler raises, and EngineError where the function does not return numbers.
+    """
     import numba
     from numba import cuda
 
@@ -110,35 +114,30 @@ def _device_of(capability: Capability) -> Iterator[None]:
     for it, hence the driver. Nothing else is asked of the device, and what Numba had is put back.
     """
     dispatcher: Any = import_module("numba.cuda.dispatcher")
-    real = dispatcher.get_current_device
-    dispatcher.get_current_device = lambda: SimpleNamespace(compute_capability=capability)
-    try:
-        yield
-    finally:
-        dispatcher.get_current_device = real
+    with _ONE_AT_A_TIME:
+        real = dispatcher.get_current_device
+        dispatcher.get_current_device = lambda: SimpleNamespace(compute_capability=capability)
+        try:
+            yield
+        finally:
+            dispatcher.get_current_device = real
 
 
 # The kernel of a program ----------------------------------------------------------------------------------------
 
 
-def kernel_of(text: Text, capability: Capability | None = None) -> Callable[..., Any]:
-    """Return the kernel `advance` of a text, for `cuda.jit`; its phases and their bodies are inlined into it.
-
-    capability: None for the device at hand; device functions are compiled for one capability only.
-    """
+def kernel_of(text: Text) -> Callable[..., Any]:
+    """Return the kernel `advance` of a text, for `cuda.jit`; its phases and their bodies are inlined into it."""
     from numba import cuda
 
-    key = (text.source, text.threads, *text.bodies.values(), *text.types.values(), capability)
-    if key not in _KERNELS:
-        inlined = cuda.jit(device=True, forceinline=True)
-        made: dict[Any, Any] = {}
-        names: dict[str, Any] = {"cuda": cuda, **text.words, **text.types}
-        names |= {name: bind(body, WORDS, inlined, made) for name, body in text.bodies.items()}
-        before = set(names)
-        exec(compile(text.source, SOURCE, "exec"), names)
-        names |= {name: inlined(names[name]) for name in set(names) - before - {"advance", "__builtins__"}}
-        _KERNELS[key] = names["advance"]
-    kernel: Callable[..., Any] = _KERNELS[key]
+    inlined = cuda.jit(device=True, forceinline=True)
+    made: dict[Any, Any] = {}
+    names: dict[str, Any] = {"cuda": cuda, **text.words, **text.types}
+    names |= {name: bind(body, WORDS, inlined, made) for name, body in text.bodies.items()}
+    before = set(names)
+    exec(compile(text.source, SOURCE, "exec"), names)
+    names |= {name: inlined(names[name]) for name in set(names) - before - {"advance", "__builtins__"}}
+    kernel: Callable[..., Any] = names["advance"]
     return kernel
 
 
@@ -155,7 +154,7 @@ def compile_kernel(text: Text, capability: Capability = (9, 0), launch_bounds: A
     with _device_of(capability):
         kinds = tuple(argument_types(text))
         bounds = launch_bounds or text.threads
-        ptx, _ = cuda.compile_ptx(kernel_of(text, capability), kinds, cc=capability, launch_bounds=bounds)
+        ptx, _ = cuda.compile_ptx(kernel_of(text), kinds, cc=capability, launch_bounds=bounds)
     return Compiled(str(ptx), *_needs(str(ptx)))
 
 

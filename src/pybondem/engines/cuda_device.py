@@ -11,20 +11,24 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from pybondem.engines.cuda_compile import missing
+from pybondem.engines.cuda_compile import Capability, missing
 from pybondem.errors import EngineError
 from pybondem.state import BOND_FIELDS, ENERGY, LOAD, PARTICLE_FIELDS, Field
 
 NEEDED_CUDA, NEEDED_DRIVER = (13, 0), "580"  # of the toolkit in the cuda extra, and the first driver that runs it
 LEAST_CAPABILITY = (7, 5)  # that this toolkit compiles for
+FIRST = 0  # number of the GPU, among those that are seen
 NO_DEVICE = 100  # CUDA_ERROR_NO_DEVICE
 BONDS_PER_PARTICLE = 6  # of a close packing
 INDEX = 4  # bytes
-SEEN = 16 * 8  # bytes of what neighbours read of a particle
+SEEN, KEPT, TOLD = (
+    16 * 8,
+    7 * 8,
+    6 * 8,
+)  # bytes of what neighbours read of a particle, of what else it hands on, of sums
 HALF_RATE = {(8, 0), (9, 0), (10, 0)}  # GPUs that compute at half speed in double precision; others at 1/32 or 1/64
 GIB = 2.0**30
 
-Capability = tuple[int, int]
 Variant = Literal["bonds", "half-bonds"]
 
 
@@ -72,9 +76,14 @@ def _error(driver: Any, code: int) -> str:
 def _number(driver: Any, ask: Callable[..., int], *given: int) -> int:
     """Return the whole number that a function of the driver writes to its first argument."""
     value = ctypes.c_int(0)
-    if (code := ask(ctypes.byref(value), *given)) != 0:
-        raise EngineError(f"the NVIDIA driver does not answer: {_error(driver, code)}.")
+    _done(driver, ask(ctypes.byref(value), *given))
     return value.value
+
+
+def _done(driver: Any, code: int) -> None:
+    """Raise EngineError where a function of the driver has returned an error."""
+    if code != 0:
+        raise EngineError(f"the NVIDIA driver does not answer: {_error(driver, code)}.")
 
 
 def driver_version() -> str:
@@ -89,13 +98,16 @@ def driver_version() -> str:
 
 
 def gpu() -> Gpu:
-    """Return the GPU that would be used, the first one; raises EngineError where there is no driver or no GPU."""
+    """Return the GPU that would be used, the first that CUDA_VISIBLE_DEVICES leaves to be seen.
+
+    Raises EngineError where there is no driver or no GPU.
+    """
     driver = _driver()
     if _number(driver, driver.cuDeviceGetCount) == 0:
         raise EngineError("the NVIDIA driver sees no GPU on this machine.")
-    device = _number(driver, driver.cuDeviceGet, 0)
+    device = _number(driver, driver.cuDeviceGet, FIRST)
     name = ctypes.create_string_buffer(100)
-    driver.cuDeviceGetName(name, 100, device)
+    _done(driver, driver.cuDeviceGetName(name, 100, device))
     major, minor = (_number(driver, driver.cuDeviceGetAttribute, which, device) for which in (75, 76))
     free, total = _memory(driver, device)
     return Gpu(name.value.decode(), (major, minor), total, free, driver_version())
@@ -107,9 +119,11 @@ def _memory(driver: Any, device: int) -> tuple[int, int]:
     if (code := driver.cuDevicePrimaryCtxRetain(ctypes.byref(context), device)) != 0:
         raise EngineError(f"the GPU cannot be opened: {_error(driver, code)}.")
     try:
-        driver.cuCtxPushCurrent_v2(context)
-        driver.cuMemGetInfo_v2(ctypes.byref(free), ctypes.byref(total))
-        driver.cuCtxPopCurrent_v2(ctypes.byref(context))
+        _done(driver, driver.cuCtxPushCurrent_v2(context))
+        try:
+            _done(driver, driver.cuMemGetInfo_v2(ctypes.byref(free), ctypes.byref(total)))
+        finally:
+            _done(driver, driver.cuCtxPopCurrent_v2(ctypes.byref(context)))
     finally:
         driver.cuDevicePrimaryCtxRelease_v2(device)
     return free.value, total.value
@@ -124,21 +138,31 @@ def usable() -> Gpu:
     Raises EngineError with the cause where it cannot: no GPU, no driver or one that is too old, a GPU that is too old,
     the cuda extra not installed, Numba's simulator switched on.
     """
+    _no_simulator()
+    if sys.platform == "darwin":
+        raise EngineError("the engine cuda cannot run: there is no CUDA for macOS; the engine cpu runs everywhere.")
+    return _fit(gpu())
+
+
+def _no_simulator() -> None:
+    """Raise EngineError where Numba's simulator is switched on: it is never taken for a GPU."""
     if os.environ.get("NUMBA_ENABLE_CUDASIM", "0") not in ("", "0"):
         raise EngineError(
             "NUMBA_ENABLE_CUDASIM is set, and Numba's simulator of a GPU is wrong where blocks wait for each other; "
             "unset it."
         )
-    if sys.platform == "darwin":
-        raise EngineError("the engine cuda cannot run: there is no CUDA for macOS; the engine cpu runs everywhere.")
-    found = _new_enough(gpu())
+
+
+def _fit(found: Gpu) -> Gpu:
+    """Return a GPU; raises EngineError where it cannot be used."""
+    _new_enough(found)
     if why := missing():
         raise EngineError(f"{found.name} cannot be used: {why}.")
     return found
 
 
-def _new_enough(found: Gpu) -> Gpu:
-    """Return a GPU; raises EngineError where it or its driver is too old."""
+def _new_enough(found: Gpu) -> None:
+    """Raise EngineError where a GPU or its driver is too old."""
     driver = _driver()
     version = _number(driver, driver.cuDriverGetVersion)
     cuda = version // 1000, version % 1000 // 10
@@ -154,7 +178,6 @@ def _new_enough(found: Gpu) -> Gpu:
                 found.name, *found.capability, needed, *LEAST_CAPABILITY
             )
         )
-    return found
 
 
 # What fits ------------------------------------------------------------------------------------------------------
@@ -173,17 +196,18 @@ def bytes_per_particle(variant: Variant) -> float:
     """Return the GPU memory that a particle takes with its bonds in a close packing, elastic with dashpots [bytes].
 
     A law adds 8 bytes per bond for each of its parameters that is not uniform; and 8 for each word that it remembers
-    or books, three times as much in the variant "half-bonds", where each end of a bond has its own copy.
+    or books, twice that in the variant "bonds", which has a packed copy, three times in "half-bonds", which has two.
     """
     uniform_or_absent = {"mass", "inertia", "drag", "drag_torque", "dragged"}
     particle = sum(_size(f) for f in PARTICLE_FIELDS if f.name not in uniform_or_absent) + INDEX
     changing = sum(_size(f) for f in BOND_FIELDS if f.name in ("power", "damped"))
     bond = _size(LOAD) + _size(ENERGY) + changing
     if variant == "bonds":
-        bond += 4 * INDEX  # both ends; its place in the lists of both
+        bond += 4 * INDEX + changing  # both ends; its place in the lists of both; what changes, packed
+        particle += SEEN + KEPT + TOLD
     else:
         bond += 2 * (3 * INDEX + changing)  # for each end: both ends, which bond, what changes
-        particle += 2 * SEEN
+        particle += 2 * SEEN + KEPT
     return float(particle + BONDS_PER_PARTICLE * bond)
 
 
@@ -204,6 +228,7 @@ def gibibytes(size: float) -> str:
 def described() -> str:
     """Return what there is to say about the GPU of this machine, or why none can be used, in one sentence."""
     try:
+        _no_simulator()
         found = gpu()
     except EngineError as error:
         return f"none: {str(error).rstrip('.')}"
@@ -213,7 +238,7 @@ def described() -> str:
         f"{millions:.3g} million bonded particles fit"
     )
     try:
-        usable()
+        _fit(found)
     except EngineError as error:
         return f"{said}; it cannot be used: {str(error).rstrip('.')}"
     return said

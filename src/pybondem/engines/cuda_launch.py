@@ -10,8 +10,9 @@ import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from importlib import import_module
 from types import FunctionType
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -23,12 +24,18 @@ from pybondem.engines.cuda_text import Text
 from pybondem.errors import EngineError
 
 DRIVER_ERRORS = {"CudaAPIError", "CudaDriverError", "CudaSupportError", "CUDAError"}  # of numba-cuda and of cuda.core
+BUILD_ERRORS = {  # of those that make machine code: NVVM, nvJitLink, and what is around them
+    "NvvmError", "NvvmSupportError", "nvvmError", "NVVMError", "LinkerError", "nvJitLinkError", "CCSupportError",
+    "NvrtcError", "NvrtcSupportError",
+}  # fmt: skip
 FATAL = (  # after these errors of the driver, nothing in GPU memory can be had any more
     "ILLEGAL_ADDRESS", "LAUNCH_TIMEOUT", "ASSERT", "HARDWARE_STACK_ERROR", "ILLEGAL_INSTRUCTION", "MISALIGNED_ADDRESS",
     "INVALID_ADDRESS_SPACE", "INVALID_PC", "LAUNCH_FAILED", "ECC_UNCORRECTABLE", "DEVICE_LOST", "CONTEXT_IS_DESTROYED",
     "UNKNOWN",
 )  # fmt: skip
 SUM_BLOCKS, SUM_THREADS = 64, 256
+RESIDENT = (384, 256, 1)  # threads that are to fit on a multiprocessor together: as many as do without spills
+MOST_LOCAL = 32  # bytes of a thread that are not in registers: 16 for calls where blocks meet, the same for spills
 
 Launch = Callable[..., None]  # launch(steps, *values)
 
@@ -92,27 +99,25 @@ class Device:
 
     # Kernels ----------------------------------------------------------------------------------------------------
 
-    def kernel(self, text: Text, values: Sequence[Any], at_once: int) -> Launch:
+    def kernel(self, text: Text, values: Sequence[Any], at_once: int | None) -> Launch:
         """Return what launches a text on arguments like these (numbers, arrays in GPU memory) and waits for its end.
 
-        at_once: blocks that must fit on one multiprocessor. Compiled once per text and process; kept on disk. A
-        cooperative launch: all its blocks are on the GPU at the same time.
+        at_once: blocks that must fit on one multiprocessor; None: as many as do without spills. Compiled once per text
+        and process; kept on disk. A cooperative launch: all its blocks are on the GPU at the same time.
         """
         with self._errors():
-            kernel = compiled(text, at_once)
-            made = kernel.compile(tuple(kernel.typeof_pyval(value) for value in (1, *values)))
+            made = fitting(text, values, at_once)
             most = made.max_cooperative_grid_blocks(text.threads)
-        if most < 1:
-            raise EngineError(f"{self.gpu.name} cannot run the kernel: a block of {text.threads} threads is too large.")
-        with warnings.catch_warnings():  # that few blocks leave most of the GPU idle: small models are small
-            warnings.simplefilter("ignore")
-            configured = kernel[max(1, min(text.blocks, most)), text.threads]
+            if most < 1:
+                too_large = f"a block of {text.threads} threads is too large"
+                raise EngineError(f"{self.gpu.name} cannot run the kernel: {too_large}.")
+            prepared = Prepared(made, min(text.blocks, most), text.threads)
 
         def launch(steps: int, *values: Any) -> None:
             from numba import cuda
 
             with self._errors():
-                configured(steps, *values)
+                prepared(steps, *values)
                 cuda.synchronize()
 
         return launch
@@ -125,7 +130,12 @@ class Device:
         try:
             yield
         except Exception as error:
-            if not DRIVER_ERRORS & {kind.__name__ for kind in type(error).__mro__}:
+            kinds = {kind.__name__ for kind in type(error).__mro__}
+            if kinds & BUILD_ERRORS:
+                raise EngineError(
+                    f"no kernel can be built for {self.gpu.name}: {' '.join(str(error).split())}."
+                ) from error
+            if not kinds & DRIVER_ERRORS:
                 raise
             if "OUT_OF_MEMORY" in str(error):
                 raise out_of_memory(self.gpu, needed, self.free()) from error
@@ -139,18 +149,62 @@ class Device:
             raise EngineError(self.failed) from error
 
 
+class Prepared:
+    """Launches of a compiled kernel with so many blocks of threads.
+
+    An argument that is the very object of the last launch is not translated for the driver again, which is most of
+    what a launch by numba-cuda costs: 60 arguments, seven numbers and more for each array.
+    """
+
+    def __init__(self, made: Any, blocks: int, threads: int) -> None:
+        self._dispatcher: Any = import_module("numba.cuda.dispatcher")
+        self._stream = import_module("numba.cuda.cudadrv.driver")._to_core_stream(0)
+        cooperative = {"is_cooperative" if self._dispatcher.CUDA_CORE_GE_1_0 else "cooperative_launch": True}
+        self._config = self._dispatcher.LaunchConfig(
+            grid=(blocks, 1, 1), block=(threads, 1, 1), shmem_size=0, **cooperative
+        )
+        self._made = made
+        self._values: list[Any] = [self] * len(made.argument_types)
+        self._words: list[list[Any]] = [[] for _ in made.argument_types]
+
+    def __call__(self, *values: Any) -> None:
+        """Launch."""
+        for n, value in enumerate(values):
+            if value is not self._values[n]:
+                words: list[Any] = []
+                self._made._prepare_args(self._made.argument_types[n], value, 0, [], words)
+                self._values[n], self._words[n] = value, words
+        self._dispatcher.get_context()  # makes it the one of this thread
+        kernel = self._made._codelibrary.get_cufunc().kernel
+        every = [word for words in self._words for word in words]
+        self._dispatcher.launch(self._stream, self._config, kernel, *every)
+
+
+def fitting(text: Text, values: Sequence[Any], at_once: int | None) -> Any:
+    """Return a text compiled for arguments like these, with so many blocks on one multiprocessor.
+
+    at_once None: as many as leave each thread the registers that it needs, by what the linked kernel keeps elsewhere.
+    """
+    bounds = [max(1, most // text.threads) for most in RESIDENT] if at_once is None else [at_once]
+    for blocks in dict.fromkeys(bounds):
+        kernel = compiled(text, blocks)
+        made = kernel.compile(tuple(kernel.typeof_pyval(value) for value in (1, *values)))
+        if made.local_mem_per_thread <= MOST_LOCAL:
+            break
+    return made
+
+
 def compiled(text: Text, at_once: int = 1) -> Any:
     """Return the kernel of a text as numba-cuda's dispatcher, which finds on disk what an earlier process compiled.
 
     at_once: blocks that must fit on one multiprocessor, which bounds the registers of a thread. Link-time optimisation
-    is off, so that what runs is near to the code whose registers and spills are looked at without a GPU: the linker of
-    the driver's machine may still need some registers more (sm_90: 160 for 153).
+    is off, so that what runs is near to the code whose registers and spills are looked at without a GPU.
     """
     from numba import cuda
 
     version = importlib.metadata.version("numba-cuda")
     bounds = (text.threads, at_once)
-    key = hashlib.sha256(f"{fingerprint(cast(Any, text))} {version} {bounds}".encode()).hexdigest()[:24]
+    key = hashlib.sha256(f"{fingerprint(text)} {version} {bounds}".encode()).hexdigest()[:24]
     if key not in _KERNELS:
         path = cache_folder() / f"pybondem_cuda_{key}.py"
         if not path.exists():

@@ -103,11 +103,14 @@ class Rows:
     def __init__(self, memory: Memory) -> None:
         self._memory = memory
         self._room: Any = None
+        self._last: Any = None
 
     def for_table(self, table: Array) -> Any:
-        """Return an array there of the shape of a table, its values arbitrary."""
+        """Return an array there of the shape of a table, its values arbitrary: the last one, where that will do."""
         room = self._room
         if room is None or room.shape[0] < table.shape[0] or room.shape[1:] != table.shape[1:]:
-            self._room = room = None  # given back before more is asked for
+            self._room = self._last = room = None  # given back before more is asked for
             self._room = room = self._memory.empty(table.shape, table.dtype)
-        return room[: table.shape[0]]
+        if self._last is None or self._last.shape != table.shape:
+            self._last = room[: table.shape[0]]
+        return self._last

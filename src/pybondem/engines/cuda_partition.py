@@ -47,10 +47,10 @@ def share_out(first: Indices, threads: int) -> Owners:
     until = first.astype(np.int64)
     n = len(until) - 1
     full = np.searchsorted(until, until[:-1] + threads, side="right") - 1
-    following = np.clip(full, np.arange(1, n + 1), np.arange(n) + threads).clip(max=n).tolist()
+    following = np.clip(full, np.arange(1, n + 1), np.arange(n) + threads).clip(max=n)
     owners = [0]
     while owners[-1] < n:
-        owners.append(following[owners[-1]])
+        owners.append(int(following[owners[-1]]))
     start = until[owners]
     chunks = np.maximum(1, -(-np.diff(start) // threads))
     return Owners(*(np.asarray(a).astype(np.uint32) for a in (owners, start, chunks)))
@@ -61,15 +61,17 @@ def half_bonds(ends: Indices, sets: Sequence[tuple[Any, Any]]) -> HalfBonds:
 
     ends (halves,): 2 * bond + side, bonds numbered through all sets; sets: ends i and j (bonds,) of each set.
     """
-    nothing = np.empty(0, np.uint32)
-    i, j = (np.concatenate([nothing, *(pair[side] for pair in sets)]) for side in (0, 1))
-    counts = [len(pair[0]) for pair in sets]
-    first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     bond = ends >> np.uint32(1)
-    own_set = np.searchsorted(first, bond, side="right") - 1
-    place = np.zeros(len(ends), np.int64)
-    for s in range(len(sets)):
-        members = own_set == s
-        place[members] = np.arange(members.sum())
-    code = ends.astype(np.int64) - 2 * first[own_set]
-    return HalfBonds(i[bond], j[bond], code.astype(np.uint32), own_set.astype(np.uint32), place.astype(np.uint32))
+    if len(sets) == 1:
+        (i, j), none = sets[0], np.broadcast_to(np.uint32(0), ends.shape)
+        return HalfBonds(i[bond], j[bond], ends, none, np.arange(len(ends), dtype=np.uint32))
+    found = HalfBonds(*(np.zeros(len(ends), np.uint32) for _ in HalfBonds._fields))
+    first = 0
+    for s, (i, j) in enumerate(sets):
+        members = np.flatnonzero((bond >= first) & (bond < first + len(i)))
+        own = bond[members] - np.uint32(first)
+        found.i[members], found.j[members], found.set[members] = i[own], j[own], s
+        found.bond[members] = ends[members] - np.uint32(2 * first)
+        found.place[members] = np.arange(len(members))
+        first += len(i)
+    return found

@@ -6,9 +6,9 @@ blocks needs what another has written. Nothing in a phase knows of CUDA, so that
 a CPU. There are two variants:
 
     bonds        a thread for each bond, its load to memory; then a thread for each particle: sum, end of the step,
-                 start of the next. Any program.
+                 start of the next. Any program (`stage_text`); steps on packed arrays (`cuda_bonds`).
     half-bonds   a thread for each end of each bond, loads to the memory shared by a block; then a thread for each
-                 particle of the block: sum, end of the step, start of the next. Step programs (`cuda_half_bonds`).
+                 particle of the block: sum, end of the step, start of the next. Steps (`cuda_half_bonds`).
 """
 
 import re
@@ -21,7 +21,9 @@ from pybondem.engines.cuda_phases import Phases, cycle_of, indented, written_by
 from pybondem.engines.lookups import INDEX_WORDS, NO_SUMS, SUM_OF_LOADS
 from pybondem.program import Body, Program, Stage
 
-THREADS = 256
+# Of a block. At 255 registers, the most that a thread has, two blocks are on a multiprocessor: one works while the
+# other waits for itself. 120 of 128 threads have a half-bond where each particle has 12. See `cuda_launch.RESIDENT`.
+THREADS = 128
 
 
 class Sweep(NamedTuple):
@@ -74,6 +76,10 @@ class Text(NamedTuple):
     blocks: int
     rounds: Rounds
 
+    def without_initial(self) -> "Text":
+        """Return the text without what its private arrays hold at first, to free that."""
+        return self._replace(private={name: p._replace(initial=None) for name, p in self.private.items()})
+
     @property
     def words(self) -> dict[str, Any]:
         """Global names of the text that are the same on every target, for this number of threads."""
@@ -87,7 +93,7 @@ def is_step(program: Program) -> bool:
 
 
 def stage_text(program: Program, threads: int = THREADS) -> Text:
-    """Return the kernel of the variant "bonds", which serves every program; threads: of a block."""
+    """Return the kernel that serves every program, on the program's own arrays; threads: of a block."""
     phases, leading, particles = Phases(program), "block, thread, step, steps", "first.shape[0] - 1"
     phases.look.arguments |= {name: program.shared[name] for name in ("load", "first", "ends")}
     before: list[Round] = []
