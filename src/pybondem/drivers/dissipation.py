@@ -98,7 +98,7 @@ class EquilibriumPath:
 
 def dissipation_control(
     model: Model, end: Selection, axis: str, *, energy: ArrayLike, steps: int = 1000,
-    until: Callable[[PathPoint], bool] | None = None, watch: BondSet | None = None, engine: str = "cpu",
+    until: Callable[[PathPoint], bool] | None = None, watch: BondSet | None = None, engine: str | None = None,
     threads: int | None = None, quiet: bool = False,
 ) -> EquilibriumPath:  # fmt: skip
     """Follow the equilibrium path of a model whose end is displaced along x, y or z, through snap-back.
@@ -161,16 +161,20 @@ class _Follower:
         self._shapes = [soft.now.stretch for soft in secant.soft]
         self._look()
 
-    def step(self, energy: float) -> bool:
-        """Take a step that dissipates so much [J]; returns whether there is nothing more to dissipate."""
-        for halving in range(HALVINGS + 1):
-            found = self._settle(0.5**halving * energy)
-            if found is not None:
-                return found.exhausted
-        raise InputError(
-            f"no equilibrium was found beyond a displacement of {self._path.points[-1].displacement:.6g} m; lower the "
-            f"energy of a step ({energy:.3g} J)."
-        )
+    def step(self, energy: float, halvings: int = HALVINGS) -> bool:
+        """Dissipate so much [J], in one step or, where it does not settle, in two of half as much, and so on.
+
+        Returns whether there is nothing more to dissipate.
+        """
+        found = self._settle(energy)
+        if found is not None:
+            return found.exhausted
+        if halvings == 0:
+            at = self._path.points[-1].displacement
+            raise InputError(
+                f"no equilibrium was found beyond a displacement of {at:.6g} m, in steps of {energy:.3g} J."
+            )
+        return self.step(0.5 * energy, halvings - 1) or self.step(0.5 * energy, halvings - 1)
 
     def _settle(self, energy: float) -> _Trial | None:
         """Iterate until damage stays, and take what has been found as the next point; None where it does not."""
@@ -263,10 +267,8 @@ class _Mixing:
 
     def mixed(self, tried: Floats, came_out: Floats) -> Floats:
         """Return the next damage to try."""
-        self._tried, self._changes = (
-            [*self._tried, tried][-REMEMBERED:],
-            [*self._changes, came_out - tried][-REMEMBERED:],
-        )
+        self._tried = [*self._tried, tried][-REMEMBERED:]
+        self._changes = [*self._changes, came_out - tried][-REMEMBERED:]
         if len(self._tried) == 1:
             return came_out
         steps, slopes = (np.diff(np.array(rows), axis=0).T for rows in (self._tried, self._changes))

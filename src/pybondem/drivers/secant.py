@@ -19,7 +19,9 @@ from pybondem.errors import InputError, LawError
 from pybondem.model import Model, Selection
 from pybondem.physics.frame import linear_stretch
 from pybondem.physics.types import Damage, Motion, Rate, Reference, Section, Stiffness, Stretch
+from pybondem.simulation import session
 from pybondem.stability import Stiffness as Operator
+from pybondem.state import Fields
 from pybondem.statics import check_supported
 
 Floats = NDArray[np.float64]
@@ -42,7 +44,7 @@ class Softening:
 
     def __init__(self, done: Assembly, number: int) -> None:
         self.bonds = done.model.bonds[number]
-        self.arrays = dict(done.bonds[done.blocks[number].name])
+        self.arrays = Fields(done.bonds[done.blocks[number].name])
         self._count, self._order = done.blocks[number].count, done.bond_order(number)
         law = self.bonds.bond.law
         assert law is not None  # `Secant` takes damage laws only
@@ -66,6 +68,7 @@ class Softening:
         left = self._left(self._whole, modes(damage), stretch[0])
         for name, value in left._asdict().items():
             self.arrays[name][:] = value
+            self.arrays.changed(name)
 
     def stretch(self, u: Floats) -> Floats:
         """Return the stretch (8, bonds) for displacements and rotations u (6, n)."""
@@ -110,7 +113,7 @@ class Secant:
     models that cannot be treated so: bond laws, laws that read rates, pushes, pieces with nothing held.
     """
 
-    def __init__(self, model: Model, end: Selection, axis: str, engine: str, threads: int | None) -> None:
+    def __init__(self, model: Model, end: Selection, axis: str, engine: str | None, threads: int | None) -> None:
         refuse(model)
         self.model = model
         done = assemble(model)
@@ -119,7 +122,9 @@ class Secant:
         self.soft = tuple(soft.values())
         program = linear_program(done)
         arrays = dict(program.bonds) | {name: own.arrays for name, own in soft.items()}
-        self._operator = Operator(done, make_engine(engine, threads), program._replace(bonds=arrays))
+        self._operator = Operator(
+            done, make_engine(engine or session.engine, threads or session.threads), program._replace(bonds=arrays)
+        )
         check_supported(done, self._operator)
         if np.any(self._operator.free[self._c, self._end] > 0.0):
             raise InputError(f"the end is free along {axis}; drive or fix it along {axis}: it is what is displaced.")

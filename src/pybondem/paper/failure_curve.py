@@ -39,13 +39,17 @@ class Exact(NamedTuple):
 
 
 class Curve(NamedTuple):
-    """What a driver has found: displacement [m] and load [N] of its points, its cost in words, seconds, its setting."""
+    """What a driver has found: displacement [m] and load [N] of its points; its cost in words, seconds.
+
+    reloads: displacement and load of each loading on the way to a point.
+    """
 
     name: str
     displacement: Floats
     load: Floats
     cost: str
     seconds: float
+    reloads: tuple[tuple[Floats, Floats], ...] = ()
 
 
 def figure(folder: Path, effort: Effort) -> Sheet:
@@ -55,7 +59,7 @@ def figure(folder: Path, effort: Effort) -> Sheet:
     curves = [by_dissipation(test, n, effort) for n in counts] + [by_unloading(test, n, effort) for n in cycles]
     rough = pullout(diameter=DIAMETER, interface=bilinear_residual(slip_peak=1e-4, slip_end=4e-4, residual=RESIDUAL,
                                                                    stiffness=6e7))  # fmt: skip
-    friction = by_dissipation(rough, counts[-1], effort)
+    friction = by_dissipation(rough, counts[0], effort)
     exact, exact_friction = analytic(test.theory()), analytic(rough.theory())
     sheet = Sheet("fig4", "Figure 4: the full failure curve", folder)
     sheet.pictures = {
@@ -103,9 +107,10 @@ def by_unloading(test: PullOutTest, count: int, effort: Effort) -> Curve:
         damping=local(0.6), engine=effort.engine, threads=effort.threads, quiet=effort.quiet,
     )  # fmt: skip
     name = f"loading and unloading, 1/{count} a cycle"
-    left = max(cycle.residual for cycle in envelope.cycles) / largest
+    left = max(cycle.residual for cycle in envelope.cycles[:-1]) / largest  # after the last one the fibre is loose
     cost = f"{envelope.steps:,} steps, {envelope.seconds:.0f} s; left at a restart {compact(left, 1)} of the way"
-    return Curve(name, envelope.displacement, envelope.load, cost, envelope.seconds)
+    reloads = tuple((cycle.displacement, cycle.load) for cycle in envelope.cycles)
+    return Curve(name, envelope.displacement, envelope.load, cost, envelope.seconds, reloads)
 
 
 # What is shown --------------------------------------------------------------------------------------------------
@@ -140,12 +145,16 @@ def draw(path: Path, curves: Sequence[Curve], exact: Exact, friction: Curve, rou
     kn, _ = si_scale(float(exact.load.max()), "N")
     with styled_figure(path, width=1.15, height=1.45) as picture:
         axes = picture.add_subplot()
+        for u, load in next((c.reloads for c in curves if c.reloads), ()):
+            axes.plot(mm * u, kn * load, color=PALETTE[5], linewidth=0.6, zorder=1.5)
         for theory, style in ((exact, "-"), (rough, "--")):
             axes.plot(mm * theory.displacement, kn * theory.load, style, color=INK, linewidth=1.4)
         for curve, colour, marker in zip(every, PALETTE, ("o", ".", "s", "^", "D"), strict=False):
             axes.plot(mm * curve.displacement, kn * curve.load, marker, color=colour, label=curve.name, markersize=5)
         axes.set_xlabel(axis_label("displacement of the fibre end", "m", mm))
         axes.set_ylabel(axis_label("load", "N", kn))
+        if any(c.reloads for c in curves):
+            axes.plot([], [], color=PALETTE[5], linewidth=0.8, label="loadings between (of the first)")
         axes.plot([], [], color=INK, linewidth=1.4, label="theory")
         axes.plot([], [], "--", color=INK, linewidth=1.4, label=f"theory, friction {RESIDUAL:g} of the strength")
         picture.legend(loc="outside lower center", ncols=1, fontsize=10)
