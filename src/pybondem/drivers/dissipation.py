@@ -4,18 +4,20 @@ Displacement and load of a softening structure may both turn back (snap-back); t
 step asks for the equilibrium at which damage has taken `energy` more:
 
     K(D) u = 0,   u = lambda at the end        linear at frozen damage D: one solve gives the shape s of all stretches
-    lost(lambda s) = energy                    the law along the way from the last state to lambda s: gives lambda
+    lost(lambda s) = energy                    the law on the way from the last state to lambda s: gives lambda
     D = law(lambda s)                          once more from the top, until D stays
 
-with Anderson's mixing of D (J. ACM 12, 547 (1965)). Small displacements; damage laws with continuous damage. The
+with Anderson's mixing of D (J. ACM 12, 547 (1965)), from damage that goes on to grow where it grew in the step before:
+so the path stays on the branch that it has taken where bonds compete. Small displacements; continuous damage. The
 idea of the constraint is that of Gutierrez, Commun. Numer. Methods Eng. 20, 19-29 (2004) and Verhoosel, Remmers &
 Gutierrez, Int. J. Numer. Methods Eng. 77, 1290-1321 (2009), who put the energy of the whole model, (P1 u2 - P2 u1) / 2,
-into Newton's method. Here it is summed over the bonds, so that no tangent is needed, and it is exact for long steps.
+into Newton's method. Here it is summed over the bonds, so that no tangent is needed, however long a step is.
 """
 
 import time as clocks
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from itertools import chain, repeat
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -34,11 +36,12 @@ Floats = NDArray[np.float64]
 SETTLED = 1e-5  # change of damage at which an iteration ends
 ITERATIONS, HALVINGS = 40, 6
 JUMP = 1e-2  # of the energy asked for: by which a step may miss it
+MOST_FORESEEN = 0.999  # damage that a step starts its iteration from
 REMEMBERED = 5  # iterations that Anderson's mixing looks back on
-ONSET = 1e-4  # of the energy of the first step: dissipated at the first point
-NEAREST, FARTHEST = 1e-12, 1e2  # displacement over size of the model: where damage is looked for
+ONSET = (1e-4, 1e-3, 1e-2, 1e-1)  # of the energy of the first step: dissipated first, to find the branch
+NEAREST, FARTHEST = 1e-12, 1e2  # displacement over size of the model: where the first damage is looked for
+BEYOND = 4.0  # times the displacement before: as far as more energy is looked for
 MARCH = 0.02  # growth of the load between two looks at what has been lost
-LAST = 0.9999  # of the energy that is left: taken by the last step
 GONE = 1e-3  # of the largest load: below, the path has ended
 
 
@@ -54,12 +57,15 @@ class PathPoint(NamedTuple):
 class EquilibriumPath:
     """Equilibria from the undeformed model on.
 
-    displacement [m], load [N], dissipated [J]: (k,), the first zero; slip [m], shear [Pa], damage: (k, m) of the bonds
-    that were watched, in the order of their pairs; solves: linear solves in all; seconds: wall time.
+    displacement [m], load [N], dissipated [J]: (k,), the first zero; slip [m], shear [Pa]: (k, m) of the bonds that
+    were watched, in the order of their pairs; ended: why there are no more, "steps", "until", "load gone" or
+    "exhausted" (less was left to dissipate than a small part of a step); solves: linear solves in all; seconds: wall
+    time.
     """
 
-    points: list[PathPoint] = field(default_factory=lambda: [PathPoint(0.0, 0.0, 0.0)])
-    watched: list[tuple[Floats, Floats]] = field(default_factory=list)
+    points: list[PathPoint] = field(default_factory=lambda: [PathPoint(0.0, 0.0, 0.0)], repr=False)
+    watched: list[tuple[Floats, Floats]] = field(default_factory=list, repr=False)
+    ended: str = "steps"
     solves: int = 0
     seconds: float = 0.0
 
@@ -97,55 +103,74 @@ class EquilibriumPath:
 
 
 def dissipation_control(
-    model: Model, end: Selection, axis: str, *, energy: ArrayLike, steps: int = 1000,
+    model: Model, end: Selection, axis: str, *, energy: ArrayLike, steps: int | None = None,
     until: Callable[[PathPoint], bool] | None = None, watch: BondSet | None = None, engine: str | None = None,
     threads: int | None = None, quiet: bool = False,
 ) -> EquilibriumPath:  # fmt: skip
     """Follow the equilibrium path of a model whose end is displaced along x, y or z, through snap-back.
 
-    energy: dissipated in each step [J], one number or one for each step; steps: at most so many; until(point): ends
-    the path; watch: bonds whose slip and shear stress are kept. The path also ends where the load has fallen to a
-    thousandth of its peak. What else is fixed or driven stays where it is; dashpots, gravity and the speed of drives
-    mean nothing here. Raises InputError where a law is no damage law of the deformation alone, has jumps, or never
+    energy: dissipated in each step [J], one number or one for each step; the first step is taken in several, and any
+    that finds no equilibrium in two of half as much; steps: at most so many, by default as many as there are;
+    until(point): ends the path; watch: bonds whose slip and shear stress are kept. The path also ends where the load
+    has fallen to a thousandth of its peak. What else is fixed or driven stays where it is; dashpots, gravity and the
+    speed of drives mean nothing here. Bonds that are equal and equally loaded soften together, though their equilibrium
+    may have branches where only some do: let them scatter. Ctrl-C raises KeyboardInterrupt with the path so far as its
+    attribute `path`. Raises InputError where a law is no damage law of the deformation alone, has jumps, or never
     damages; LawError for a damage outside 0 to 1.
     """
-    wanted = _energies(energy, whole_number("steps of dissipation_control", steps))
+    if until is not None and not callable(until):
+        raise InputError(f"until of dissipation_control is {until!r}; give a function of a PathPoint.")
+    first, rest = _energies(energy, steps)
     began, path = clocks.perf_counter(), EquilibriumPath()
     follow = _Follower(Secant(model, end, axis, engine, threads), path, watch)
-    total = len(wanted) if np.ndim(energy) else None
+    total = len(first) + len(rest) if isinstance(rest, list) else None
     with Progress("equilibrium path", total, len(model), quiet=quiet or session.quiet) as progress:
-        for k, lost in enumerate(wanted):
-            exhausted = follow.step(lost)
-            path.seconds = clocks.perf_counter() - began
-            if progress.due():
-                progress.update(k + 1)
-            point = path.points[-1]
-            if exhausted or point.load <= GONE * path.load.max() or (until is not None and until(point)):
-                break
+        try:
+            for k, lost in enumerate(chain(first, rest), 1):
+                exhausted = follow.step(lost)
+                path.seconds = clocks.perf_counter() - began
+                if progress.due():
+                    progress.update(k)
+                path.ended = _why(path, exhausted, until)
+                if path.ended != "steps":
+                    break
+        except KeyboardInterrupt as stop:
+            stop.path = path  # type: ignore[attr-defined]
+            raise
     return path
 
 
-def _energies(energy: ArrayLike, steps: int) -> Floats:
-    """Return the energy of each step [J], before them that of the first point."""
+def _why(path: EquilibriumPath, exhausted: bool, until: Callable[[PathPoint], bool] | None) -> str:
+    """Return why a path has ended, "steps" where it has not."""
+    point = path.points[-1]
+    if point.load <= GONE * path.load.max():
+        return "load gone"
+    if exhausted:
+        return "exhausted"
+    return "until" if until is not None and until(point) else "steps"
+
+
+def _energies(energy: ArrayLike, steps: int | None) -> tuple[list[float], Iterable[float]]:
+    """Return the energies of the parts of the first step, small ones first, and those of the others [J]."""
+    others = None if steps is None else whole_number("steps of dissipation_control", steps) - 1
+    rest: Iterable[float]
     if np.ndim(energy) == 0:
-        each = np.full(steps, positive("energy of dissipation_control", energy, "J"))
+        one = positive("energy of dissipation_control", energy, "J")
+        rest = repeat(one) if others is None else [one] * others
     else:
-        each = finite_array("energy of dissipation_control", energy, (None,))[:steps]
-        if len(each) == 0 or each.min() <= 0.0:
+        one, *rest = finite_array("energy of dissipation_control", energy, (None,)).tolist() or [0.0]
+        if min(one, *rest, np.inf) <= 0.0:
             raise InputError("energy of dissipation_control: give one positive number, or one for each step.")
-    return np.append(ONSET * each[0], each)
+        rest = rest[:others]
+    return [*(share * one for share in ONSET), (1.0 - sum(ONSET)) * one], rest
 
 
 class _Trial(NamedTuple):
-    """A load that loses some energy: factor of the unit response, state of each set, energy lost [J].
-
-    exhausted: nothing more can be lost.
-    """
+    """A load that loses some energy: factor of the unit response, state of each set, energy lost [J]."""
 
     factor: float
     states: list[Committed]
     lost: float
-    exhausted: bool = False
 
 
 class _Follower:
@@ -159,38 +184,55 @@ class _Follower:
         size = float(np.ptp(secant.model.x, axis=0).max())
         self._factor, self._farthest = NEAREST * size, FARTHEST * size
         self._shapes = [soft.now.stretch for soft in secant.soft]
+        self._growth, self._energy = np.zeros_like(self._damage()), 1.0  # of the damage in the step before; its energy
         self._look()
+
+    def _damage(self) -> Floats:
+        """Return the damage of all bonds in one row."""
+        return np.concatenate([soft.now.damage.ravel() for soft in self._secant.soft])
 
     def step(self, energy: float, halvings: int = HALVINGS) -> bool:
         """Dissipate so much [J], in one step or, where it does not settle, in two of half as much, and so on.
 
         Returns whether there is nothing more to dissipate.
         """
-        found = self._settle(energy)
-        if found is not None:
-            return found.exhausted
+        settled = self._settle(energy)
+        if settled:
+            return False
         if halvings == 0:
-            at = self._path.points[-1].displacement
-            raise InputError(
-                f"no equilibrium was found beyond a displacement of {at:.6g} m, in steps of {energy:.3g} J."
-            )
+            return self._exhausted(settled is None, energy)
         return self.step(0.5 * energy, halvings - 1) or self.step(0.5 * energy, halvings - 1)
 
-    def _settle(self, energy: float) -> _Trial | None:
-        """Iterate until damage stays, and take what has been found as the next point; None where it does not."""
-        mixing = _Mixing()
-        damage = np.concatenate([soft.now.damage.ravel() for soft in self._secant.soft])
-        change = 1.0
+    def _exhausted(self, nothing_left: bool, energy: float) -> bool:
+        """Return True where a path ends for want of energy; raises InputError where that is not the reason."""
+        at = self._path.points[-1]
+        if not nothing_left:
+            far = f"{at.displacement:.6g} m"
+            raise InputError(f"no equilibrium was found beyond a displacement of {far}, in steps of {energy:.3g} J.")
+        if at.dissipated == 0.0:
+            raise InputError(f"damage cannot even dissipate {energy:.3g} J; lower the energy of dissipation_control.")
+        return True
+
+    def _settle(self, energy: float) -> bool | None:
+        """Iterate until damage stays, and take what has been found as the next point.
+
+        Returns False where damage does not stay, None where there is not so much to dissipate.
+        """
+        mixing, change, committed = _Mixing(), 1.0, self._damage()
+        foreseen = np.minimum(committed + energy / self._energy * self._growth, MOST_FORESEEN)
+        damage = np.maximum(foreseen, committed)
         for _ in range(ITERATIONS):
             stiffness = self._respond(damage, float(np.clip(1e-2 * change, 1e-8, 1e-5)))
             trial = self._loaded(energy)
+            if trial is None:
+                return None
             now = np.concatenate([state.damage.ravel() for state in trial.states])
             change = float(np.abs(now - damage).max())
             if change < SETTLED:
                 self._commit(trial, trial.factor * stiffness)
-                return trial
+                return True
             damage = mixing.mixed(damage, now)
-        return None
+        return False
 
     def _respond(self, damage: Floats, tolerance: float) -> float:
         """Solve at a frozen damage of all sets; returns the load for a unit displacement [N/m]."""
@@ -204,14 +246,16 @@ class _Follower:
         self._path.solves += 1
         return stiffness
 
-    def _loaded(self, energy: float) -> _Trial:
-        """Raise the load at the present shape until so much has been lost [J], or nothing is left to lose."""
+    def _loaded(self, energy: float) -> _Trial | None:
+        """Raise the load at the present shape until so much has been lost [J]; None where it cannot be."""
+        begun = self._path.points[-1].dissipated > 0.0
+        farthest = BEYOND * self._factor if begun else self._farthest
         committed = [soft.now for soft in self._secant.soft]
         factor, lost, growth = self._factor, energy, 1.0
         while lost >= energy:  # unloaded so far that less is lost
             factor *= 0.5
             states, lost = self._advanced(committed, factor)
-        while factor < self._farthest:
+        while factor < farthest:
             farther, more = self._advanced(states, (1.0 + growth) * factor)
             if more > 0.0 and growth > MARCH:
                 growth = max(0.25 * growth, MARCH)
@@ -220,9 +264,10 @@ class _Follower:
             else:
                 factor, states, lost = (1.0 + growth) * factor, farther, lost + more
                 growth = growth if more > 0.0 else min(2.0 * growth, 1.0)
-        if lost <= 0.0:
-            raise InputError("no bond is damaged at any displacement of the end; look at the values of the laws.")
-        return self._loaded(LAST * lost)._replace(exhausted=True)
+        if lost <= 0.0 and not begun:
+            way = f"no bond is damaged at any displacement of the end along +{self._secant.axis}"
+            raise InputError(f"{way}; look at the values of the laws, or at the direction.")
+        return None
 
     def _exactly(self, states: list[Committed], factor: float, energy: float, lost: float) -> _Trial:
         """Return the load within one march from `factor` on at which so much has been lost, `lost` of it before."""
@@ -247,8 +292,10 @@ class _Follower:
 
     def _commit(self, trial: _Trial, load: float) -> None:
         """Take what has been found as the next point of the path."""
+        before = self._damage()
         for soft, state in zip(self._secant.soft, trial.states, strict=True):
             soft.now = state
+        self._growth, self._energy = self._damage() - before, trial.lost
         self._factor = trial.factor
         self._path.points.append(PathPoint(trial.factor, load, self._path.points[-1].dissipated + trial.lost))
         self._look()

@@ -92,8 +92,8 @@ def load_unload(
     which the end goes over from one velocity to another [s], some transits of a wave through the model; farthest:
     displacement at which loading is given up [m]; cycles: at most so many; damping: local(0.5) by default. What drives
     the end along the axis in the model is left out here. The path ends where a load has fallen to a hundredth of the
-    largest, or where nothing is damaged before `farthest`. Raises InputError for bad values, and for bond laws, which
-    cannot be frozen.
+    largest, or where damage has not grown so much before `farthest`. Ctrl-C raises KeyboardInterrupt with what there is
+    as its attribute `envelope`. Raises InputError for bad values, and for bond laws, which cannot be frozen.
     """
     for name, value, unit in (("growth", growth, "1"), ("speed", speed, "m/s"), ("over", over, "s"),
                               ("farthest", farthest, "m")):  # fmt: skip
@@ -106,18 +106,25 @@ def load_unload(
     rig = _Rig(sim, velocity, end, axis, measure or dissipated, over)
     began, envelope = clocks.perf_counter(), Envelope()
     with Progress("loading and unloading", None, len(model), quiet=quiet or session.quiet) as progress:
-        for number in range(cycles):
-            done = rig.load(speed, growth, farthest)
-            rig.unload(BACK * speed)
-            if done is not None:
-                envelope.cycles.append(done._replace(residual=rig.residual()))
-            envelope.steps, envelope.seconds = sim.step, clocks.perf_counter() - began
-            if progress.due():
-                progress.update(number + 1, time=sim.time)
-            if done is None or done.load[done.onset] < GONE * envelope.load.max():
-                break
+        try:
+            for number in range(cycles):
+                done = rig.load(speed, growth, farthest)
+                rig.unload(BACK * speed)
+                if done is not None:
+                    envelope.cycles.append(done._replace(residual=rig.residual()))
+                envelope.steps, envelope.seconds = sim.step, clocks.perf_counter() - began
+                if progress.due():
+                    progress.update(number + 1, time=sim.time)
+                if done is None or done.load[done.onset] < GONE * envelope.load.max():
+                    break
+        except KeyboardInterrupt as stop:
+            stop.envelope = envelope  # type: ignore[attr-defined]
+            raise
     if not envelope.cycles:
-        raise InputError(f"nothing was damaged up to a displacement of {farthest:g} m; raise farthest of load_unload.")
+        raise InputError(
+            f"damage grew by {rig.grew:.3g} up to a displacement of {farthest:g} m, where {growth:.3g} was asked for; "
+            f"raise farthest or lower growth of load_unload."
+        )
     return envelope
 
 
@@ -135,6 +142,8 @@ class _Rig:
         self._over = sim.dt * max(LOOKS, round(over / sim.dt))
         self._load, self._displacement = applied(end, axis), displacement(end, axis)
         self._look = round(self._over / sim.dt / LOOKS)
+        self._steady = 0.0  # time from which on the velocity of the end is what it was told [s]
+        self.grew = 0.0  # the measure, in the last loading
 
     def _rows(self) -> tuple[float, float, float]:
         sim = self._sim
@@ -147,7 +156,9 @@ class _Rig:
         rows = [self._rows()]
         before = rows[0][2]
         self._velocity.steer(sim.time, speed, self._over)
+        self._steady = sim.time + self._over
         while rows[-1][2] < before + growth:
+            self.grew = rows[-1][2] - before
             if rows[-1][0] >= farthest:
                 return None
             sim.run(steps=self._look, quiet=True)
@@ -160,6 +171,8 @@ class _Rig:
         """Go back to the start at frozen damage, without a jump of velocity, and wait for what still moves."""
         sim, over = self._sim, self._over
         sim.damage_grows = False
+        if sim.time < self._steady:  # it first comes to the speed that it was told
+            sim.run(time=self._steady - sim.time, quiet=True)
         now, forward = sim.time, float(self._velocity.value(np.array([sim.time]))[0])
         away = float(self._velocity.integral(np.array([now]))[0]) + 0.5 * forward * over
         speed = min(speed, away / over)  # so that the two smooth turns have room

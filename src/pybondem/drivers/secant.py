@@ -77,9 +77,15 @@ class Softening:
         return np.array([found.opening, *found.slip, found.twist, *found.bending])
 
     def advanced(self, state: Committed, stretch: Floats) -> tuple[Committed, float]:
-        """Return what the bonds come to from a state at a stretch near by, and the energy lost on the way [J]."""
+        """Return what the bonds come to from a state at a stretch near by, and the energy lost on the way [J].
+
+        A growth dD loses dD sqrt(U_before U_now), with U_before where damage begins to grow: not before the stretch
+        that was committed, which a bond that softens must reach again.
+        """
         damage, memory = self._answer(stretch, state.memory)
-        lost = (damage - state.damage) * np.sqrt(self._energies(state.stretch) * self._energies(stretch))
+        now = self._energies(stretch)
+        before = np.maximum(self._energies(state.stretch), np.minimum(self._energies(self.now.stretch), now))
+        lost = (damage - state.damage) * np.sqrt(before * now)
         return Committed(stretch, damage, memory), float(lost.sum())
 
     def _answer(self, stretch: Floats, memory: tuple[Any, ...]) -> tuple[Floats, tuple[Any, ...]]:
@@ -114,17 +120,15 @@ class Secant:
     """
 
     def __init__(self, model: Model, end: Selection, axis: str, engine: str | None, threads: int | None) -> None:
-        refuse(model)
-        self.model = model
+        refuse(model, end)
+        self.model, self.axis = model, axis
         done = assemble(model)
         self._c, self._end = "xyz".index(choice("axis", axis, "xyz")), done.position[model.own(end)]
         soft = {block.name: Softening(done, k) for k, block in enumerate(done.blocks) if model.bonds[k].bond.law}
         self.soft = tuple(soft.values())
         program = linear_program(done)
         arrays = dict(program.bonds) | {name: own.arrays for name, own in soft.items()}
-        self._operator = Operator(
-            done, make_engine(engine or session.engine, threads or session.threads), program._replace(bonds=arrays)
-        )
+        self._operator = Operator(done, make_engine(*told(engine, threads)), program._replace(bonds=arrays))
         check_supported(done, self._operator)
         if np.any(self._operator.free[self._c, self._end] > 0.0):
             raise InputError(f"the end is free along {axis}; drive or fix it along {axis}: it is what is displaced.")
@@ -148,8 +152,16 @@ class Secant:
         return u, float(operator.all_forces(u)[self._c, self._end].sum())
 
 
-def refuse(model: Model) -> None:
+def told(engine: str | None, threads: int | None) -> tuple[str, int | None]:
+    """Return the engine and its threads: those asked for, else those of the session."""
+    return session.engine if engine is None else engine, session.threads if threads is None else threads
+
+
+def refuse(model: Model, end: Selection) -> None:
     """Raise InputError for a model that is not linear at frozen damage, or not loaded by its end alone."""
+    if not isinstance(model, Model) or not isinstance(end, Selection):
+        given = f"{type(model).__name__} and {type(end).__name__}"
+        raise InputError(f"a driver needs a Model and a Selection of it, got {given}.")
     for law in (bonds.bond.law for bonds in model.bonds):
         if law is not None and (law.kind == "bond" or law.flows):
             why = "a bond law" if law.kind == "bond" else "a law that reads rates or the time step"

@@ -156,7 +156,7 @@ FLAT = (
     "one launch covers many steps, as it does here."
 )
 
-DISTURBED = 0.5  # load average
+DISTURBED = 1.0  # load average
 BUSY = (
     "This machine was busy with something else: a load average of {:.2g} before the first time was taken. Threads wait "
     "for one another, and what disturbs one holds up all: times on several threads are to be taken on an idle machine."

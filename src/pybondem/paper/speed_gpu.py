@@ -14,7 +14,7 @@ def committed(folder: Path = DATA) -> list[Point]:
     """Return the points of all files *.json in a folder (none where there is no folder), by GPU and size.
 
     A file holds a list of records as `benchmarks/run.py --engine cuda --json FILE` writes them; records of other
-    engines and of laws are passed over, and of several at one size on one GPU, such as both layouts of the step, the
+    jobs, engines and of laws are passed over, and of several at one size on one GPU, such as both layouts of the step, the
     fastest is taken. Raises InputError where a file cannot be read as such.
     """
     best: dict[tuple[str, int], Point] = {}
@@ -30,9 +30,8 @@ def _points(path: Path) -> list[Point]:
     """Return the points of one file."""
     try:
         records = json.loads(path.read_text(encoding="utf-8"))
-        return [
-            _point(r) for r in records if r["engine"].startswith("cuda") and r["job"] == "cylinder" and "law" not in r
-        ]
+        jobs = [r for r in records if r.get("job") == "cylinder" and "law" not in r]
+        return [_point(r) for r in jobs if r["engine"].startswith("cuda")]
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(
             f"{path} does not hold a list of records of benchmarks/run.py ({type(error).__name__}: {error}); mend or "
