@@ -88,6 +88,10 @@ def test_figure_3_quickly(tmp_path: Path) -> None:
     plain, sheared = ([float(row[c].split()[0]) for row in rows] for c in (4, 5))
     assert 0.0 < max(plain) < 3.0
     assert max(sheared) < max(plain)
+    means = [float(row[7].split()[0]) for row in rows]
+    assert max(means) < max(sheared)
+    work = float(sheet.tables[1].rows[0][7].split()[0])  # of the load along the path, against p L G_f
+    assert abs(work) < 1.0  # with so few points
     papers = [float(row[4].split()[0]) for row in sheet.tables[2].rows]
     assert max(papers) > 20.0  # where the one-dimensional theory cannot be right
     assert (tmp_path / "fig3.md").exists()

@@ -226,6 +226,21 @@ def test_records_of_gpus_are_read(tmp_path: Path) -> None:
     assert committed(tmp_path / "nowhere") == []
 
 
+def test_records_of_other_jobs_of_a_gpu_session_are_passed_over(tmp_path: Path) -> None:
+    """A file with every kind of record that a session on a GPU keeps: some have no engine, some no times like these."""
+    others = [
+        {"job": "ceilings", "gpu": GPU, "variant": "bonds", "shares": [{"engine": "cuda", "particles": 1_000}]},
+        {"job": "cylinder layouts", "gpu": GPU, "variant": "bonds", "particles": 1_000, "particle_steps_per_s": 1e12},
+        {"job": "pull-out equality", "engine": "cuda:bonds", "particles": 45_000, "off": {"v": 0.0}, "step_s": 1e-9},
+        {"job": "pull-out", "engine": "cuda", "particles": 45_000, "seconds": 20.0},
+        {"job": "session", "runs": [{"name": "speed", "exit_code": 0, "seconds": 9}], "failed": []},
+        {"kernels": []},
+        record(ns=0.1, law={"name": "bilinear"}),
+    ]
+    (point,) = committed(keep(tmp_path, *others, record(ns=2.0), *others))
+    assert point.median == pytest.approx(1e-5)
+
+
 def test_records_of_the_benchmark_itself_are_read(tmp_path: Path) -> None:
     """A file of the benchmark's own making, from a machine without a GPU, said to be from one."""
     made = json.loads((BENCHMARKS / "results" / "xeon-2-cores.json").read_text())[0]
@@ -234,7 +249,7 @@ def test_records_of_the_benchmark_itself_are_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["not JSON", "3", '["a"]', '[{"engine": "cuda"}]', json.dumps([record(ns_per_bond_step={"all": []})])]
+    "text", ["not JSON", "3", '["a"]', '[{"job": "cylinder"}]', json.dumps([record(ns_per_bond_step={"all": []})])]
 )
 def test_a_file_that_is_none_is_named(text: str, tmp_path: Path) -> None:
     (tmp_path / "odd.json").write_text(text)

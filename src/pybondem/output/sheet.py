@@ -63,7 +63,7 @@ class Sheet:
 
         console = Console()
         for table in self.tables:
-            heads = (Column(Text(head)) for head in table.columns)
+            heads = (Column(Text(head), overflow="fold") for head in table.columns)
             printed = Printed(*heads, title=Text(table.title), title_justify="left")
             for row in table.rows:
                 printed.add_row(*(Text(str(cell)) for cell in row))

@@ -28,7 +28,7 @@ POINTS = 4000  # of the analytic path
 PULLS = 30.0  # transits of a wave through the bonded length in which the displacement of the peak is reached
 TURN = 3.0  # transits in which the end goes over from one velocity to another
 BEYOND = 1.2  # times the largest displacement of the path: where loading is given up
-HEADS = ("driver", "points", "largest distance from the path", "mean distance", "cost")
+HEADS = ("driver", "points", "largest distance from the path", "mean", "of the path from the points", "cost")
 
 
 class Exact(NamedTuple):
@@ -132,10 +132,26 @@ def distances(curve: Curve, exact: Exact) -> Floats:
     return np.array([np.hypot(u - x, load - y).min() for x, y in found])
 
 
+def missed(curve: Curve, exact: Exact) -> float:
+    """Return the largest distance of the path from the line through the points, the origin before them [-].
+
+    A path that slides on without end is taken as far as the last point.
+    """
+    size = exact.displacement.max(), exact.load.max()
+    points = [np.append(0.0, v) / s for v, s in zip((curve.displacement, curve.load), size, strict=True)]
+    path = np.array([exact.displacement / size[0], exact.load / size[1]])
+    if exact.load[-1] > 0.0:
+        path = path[:, : int(np.hypot(path[0] - points[0][-1], path[1] - points[1][-1]).argmin())]
+    steps = np.arange(len(points[0]))
+    line = [np.interp(np.linspace(0.0, steps[-1], 40 * len(steps)), steps, v) for v in points]
+    return max(float(np.hypot(line[0] - u, line[1] - load).min()) for u, load in path.T[::10])
+
+
 def row(curve: Curve, exact: Exact) -> list[Any]:
     """Return the row of a curve in the table."""
     apart = 100.0 * distances(curve, exact)
-    return [curve.name, len(apart), f"{apart.max():.2f} %", f"{apart.mean():.2f} %", curve.cost]
+    back = 100.0 * missed(curve, exact)
+    return [curve.name, len(apart), f"{apart.max():.2f} %", f"{apart.mean():.2f} %", f"{back:.2f} %", curve.cost]
 
 
 def draw(path: Path, curves: Sequence[Curve], exact: Exact, friction: Curve, rough: Exact) -> Path:

@@ -11,9 +11,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
 
 from pybondem.drivers import EquilibriumPath, dissipation_control
+from pybondem.errors import InputError
 from pybondem.examples.pullout import PullOutTest, pullout
 from pybondem.examples.pullout_result import PullOutResult, run_pullout
 from pybondem.examples.pullout_setup import PullOutModel
@@ -119,9 +121,15 @@ def followed(test: PullOutTest, effort: Effort) -> Lattice:
         engine=effort.engine, threads=effort.threads, quiet=effort.quiet,
     )  # fmt: skip
     elastic = path.shear[1] * stages[0].plain.load / path.load[1]  # linear up to the first point
-    found = [(stages[0], elastic)]
-    found += [(s, path.shear[np.argmin(np.abs(path.dissipated - s.energy))]) for s in stages[1:]]
-    return Lattice(test, built, path, found)
+    return Lattice(test, built, path, [(stages[0], elastic), *((s, shear_at(path, s.energy)) for s in stages[1:])])
+
+
+def shear_at(path: EquilibriumPath, energy: float) -> Floats:
+    """Return the shear stress of the joints where so much has been dissipated [J]; raises InputError off the path."""
+    k = int(np.argmin(np.abs(path.dissipated - energy)))
+    if abs(path.dissipated[k] - energy) > 1e-3 * path.dissipated[-1]:
+        raise InputError(f"the path of the lattice has no point where {energy:.6g} J are dissipated.")
+    return path.shear[k]
 
 
 def run_explicitly(each: Lattice, folder: Path, effort: Effort) -> PullOutResult:
@@ -132,7 +140,8 @@ def run_explicitly(each: Lattice, folder: Path, effort: Effort) -> PullOutResult
 
 # What is shown --------------------------------------------------------------------------------------------------
 
-STAGE_HEADS = ("d [m]", "zones", "dissipated", "load [kN]", "plain theory", "with shear", "mean square, with shear")
+STAGE_HEADS = ("d [m]", "zones", "dissipated", "load [kN]", "plain theory", "with shear", "mean of a height, plain",
+               "with shear")  # fmt: skip
 CONVERGENCE_HEADS = ("", "d [m]", "particles", "joints", "peak load", "shear stress, plain theory", "with shear",
                      "energy of debonding", "cost")  # fmt: skip
 REMARKS = [
@@ -144,7 +153,7 @@ REMARKS = [
     "Each stage is in the middle of the energy that its zones last for (SESD lasts for 0.02 % of it); lattice and "
     "theory are compared at the same dissipated energy, the elastic stage at the same load, half of that at which "
     "softening begins. Differences are the largest of all joints, with no averaging over the joints at one height.",
-    "Energy of debonding: for the equilibrium path the work of the load along its points (trapezoid rule), for "
+    "Energy of debonding: for the equilibrium path the work of the load along its points (cubics between them), for "
     "explicit dynamics what damage has dissipated in the energy book, both against p L G_f. Explicit runs follow a "
     "pulled end, which cannot turn back: their stages are six up to the turning point (see their own folders).",
     "Values of the public code: fibre 50 GPa, matrix 5 GPa, nu = 0.2, bond 1 GPa/m up to 0.1 mm and gone at 3 mm, "
@@ -174,12 +183,18 @@ def errors(each: Lattice) -> list[tuple[Stage, Floats, Floats]]:
     ]
 
 
+def by_height(x: Floats, difference: Floats) -> Floats:
+    """Return the mean of the differences at each height x."""
+    _, level, count = np.unique(np.round(x, 6), return_inverse=True, return_counts=True)
+    return np.bincount(level, difference) / count
+
+
 def stage_rows(each: Lattice) -> list[list[Any]]:
     """Return the rows of the table of stages."""
     all_of_it = each.test.theory().work_of_debonding
     return [
         [f"{each.test.diameter:g}", s.zones, f"{100.0 * s.energy / all_of_it:.0f} %", f"{1e-3 * s.plain.load:.1f}",
-         f"{largest(plain):.2f} %", f"{largest(sheared):.2f} %", f"{100.0 * np.sqrt(np.mean(sheared**2)):.2f} %"]
+         *(f"{largest(d):.2f} %" for d in (plain, sheared, by_height(each.x, plain), by_height(each.x, sheared)))]
         for s, plain, sheared in errors(each)
     ]  # fmt: skip
 
@@ -189,11 +204,19 @@ def largest(difference: Floats) -> float:
     return 100.0 * float(np.abs(difference).max())
 
 
+def work_along(path: EquilibriumPath) -> float:
+    """Return the work of the load along a path [J], between points by cubics in the dissipated energy."""
+    u, load, spent = path.displacement[1:], path.load[1:], path.dissipated[1:]
+    at = np.linspace(spent[0], spent[-1], 20_000)
+    fine_u, fine_load = (PchipInterpolator(spent, values)(at) for values in (u, load))
+    return float(0.5 * u[0] * load[0] + np.trapezoid(fine_load, fine_u))
+
+
 def convergence_row(how: str, each: Lattice) -> list[Any]:
     """Return the row of a lattice in the table of convergence."""
     theory, path = each.test.theory(), each.path
     found = errors(each)
-    work = float(np.trapezoid(path.load, path.displacement))
+    work = work_along(path)
     return [
         how, f"{each.test.diameter:g}", len(each.built.model), len(each.built.joints.pairs),
         f"{100.0 * (path.load.max() / theory.peak().load - 1.0):+.2f} %",

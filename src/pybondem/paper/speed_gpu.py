@@ -14,8 +14,8 @@ def committed(folder: Path = DATA) -> list[Point]:
     """Return the points of all files *.json in a folder (none where there is no folder), by GPU and size.
 
     A file holds a list of records as `benchmarks/run.py --engine cuda --json FILE` writes them; records of other
-    jobs, engines and of laws are passed over, and of several at one size on one GPU, such as both layouts of the step, the
-    fastest is taken. Raises InputError where a file cannot be read as such.
+    jobs, engines and of laws are passed over, and of several at one size on one GPU, such as both layouts of the step,
+    the fastest is taken. Raises InputError where a file cannot be read as such.
     """
     best: dict[tuple[str, int], Point] = {}
     for path in sorted(folder.glob("*.json")):
