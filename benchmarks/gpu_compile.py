@@ -4,12 +4,15 @@ python benchmarks/gpu_compile.py [--capability 8.0,9.0,10.0] [--threads 128] [--
 
 For each law and variant: the bounds of the launch (threads x blocks on a multiprocessor) that the engine takes, the
 most at which all fits into registers; how many these are, bytes that do not fit, bytes of shared memory of a block,
-seconds. Needs the cuda extra: pip install pybondem[cuda].
+seconds. Exits with 1 where a kernel spills 32 bytes or more. Needs the cuda extra: pip install pybondem[cuda].
 """
 
 import argparse
 import json
 import re
+import sys
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -21,20 +24,24 @@ import pybondem as bd
 from pybondem.assembly import assemble, step_program
 from pybondem.bonds import ValuedLaw
 from pybondem.engines.cuda_bonds import bond_text
-from pybondem.engines.cuda_compile import Capability, compile_kernel
+from pybondem.engines.cuda_compile import Capability, Compiled, compile_kernel
 from pybondem.engines.cuda_half_bonds import half_bond_text
-from pybondem.engines.cuda_launch import RESIDENT
+from pybondem.engines.cuda_launch import CALLS, most_at_once
 from pybondem.engines.cuda_text import THREADS
 from pybondem.program import Program
 
 VARIANTS = {"bonds": bond_text, "half-bonds": half_bond_text}
-MOST_SPILLS = 32  # bytes; none at all depends on the toolkit
+MOST_SPILLS = 32  # bytes written and read again, which may be more than once; none at all depends on the toolkit
+TOOLKIT = {  # what makes machine code, and the package it comes in
+    "numba-cuda": "numba-cuda", "nvvm": "nvidia-nvvm", "nvjitlink": "nvidia-nvjitlink", "ptxas": "nvidia-cuda-nvcc",
+}  # fmt: skip
 
 
 class Needs(NamedTuple):
     """What a kernel needs.
 
-    Of law, variant and capability: bounds of the launch; registers; spilled and shared bytes; seconds of compilation.
+    Of law, variant and capability: bounds of the launch; registers; spilled and shared bytes; seconds of compilation;
+    versions of what compiled it.
     """
 
     law: str
@@ -45,6 +52,18 @@ class Needs(NamedTuple):
     spills: int | None
     shared: int
     seconds: float
+    toolkit: dict[str, str | None]
+
+
+def toolkit() -> dict[str, str | None]:
+    """Return the versions of what makes machine code; None: it is not from a package."""
+    found: dict[str, str | None] = {}
+    for name, package in TOOLKIT.items():
+        try:
+            found[name] = version(package)
+        except PackageNotFoundError:
+            found[name] = None
+    return found
 
 
 def published() -> dict[str, ValuedLaw | None]:
@@ -64,14 +83,18 @@ def needs(law: str, variant: str, capability: Capability = (9, 0), threads: int 
     """Return what the kernel of a published law needs at the bounds that the engine takes; threads: of a block."""
     began = perf_counter()
     text = VARIANTS[variant](program(published()[law]), threads)
-    for resident in dict.fromkeys(max(1, most // threads) for most in RESIDENT):
-        made = compile_kernel(text, capability, (threads, resident))
-        if made.spills is None or made.spills <= MOST_SPILLS:
-            break
-    seconds, (major, minor) = perf_counter() - began, capability
+
+    @cache
+    def compiled(blocks: int) -> Compiled:
+        return compile_kernel(text, capability, (threads, blocks))
+
+    resident = most_at_once(threads, lambda blocks: CALLS + (compiled(blocks).frame or 0))
+    made, (major, minor) = compiled(resident), capability
     shared = sum(int(n) for n in re.findall(r"\.shared .*\[(\d+)\]", made.ptx))
-    bounds = threads, resident
-    return Needs(law, variant, f"{major}.{minor}", bounds, made.registers, made.spills, shared, round(seconds, 1))
+    return Needs(
+        law, variant, f"{major}.{minor}", (threads, resident), made.registers, made.spills, shared,
+        round(perf_counter() - began, 1), toolkit(),
+    )  # fmt: skip
 
 
 def line(found: Needs) -> str:
@@ -101,6 +124,8 @@ def main() -> None:
     if given.json:
         record: dict[str, Any] = {"kernels": [f._asdict() for f in found], **circumstances()}
         given.json.write_text(json.dumps(record, indent=1) + "\n")
+    if spilling := [line(f) for f in found if (f.spills or 0) >= MOST_SPILLS]:
+        sys.exit("\n".join([f"{MOST_SPILLS} bytes or more are spilled:", *spilling]))
 
 
 if __name__ == "__main__":

@@ -49,7 +49,7 @@ def figures(records: list[Record]) -> list[Figure]:
         rate = found and found["particle_steps_per_s"] / (found["particles"] if what == "steps/s" else 1)
         shares = _shares(most, found) if found else {}
         rows.append(Figure(f"{what}, {size:,} particles", rate or None, ">=", required, **shares))
-    law = _last(records, lambda r: "law" in r and r["law"]["name"] == "bilinear")
+    law = _last(records, lambda r: _is_cost_of_damage(r) and r["engine"] in default)
     rows.append(Figure("bilinear / elastic", law and law["law"]["over_elastic"], "<=", 1.4))
     for engine in ("cuda:bonds", "cuda:half-bonds"):
         same = _last(records, lambda r, e=engine: r.get("job") == "pull-out equality" and r["engine"] == e)
@@ -63,6 +63,12 @@ def figures(records: list[Record]) -> list[Figure]:
 def _is_speed(record: Record, asked: int) -> bool:
     """Return whether a record is a figure of the elastic cylinder job of a size."""
     return "particle_steps_per_s" in record and record.get("asked") == asked and "law" not in record
+
+
+def _is_cost_of_damage(record: Record) -> bool:
+    """Return whether a record is the cylinder job of a million particles whose bonds soften by the bilinear law."""
+    law = record.get("law", {})
+    return law.get("name") == "bilinear" and bool(law.get("active")) and record.get("asked") == 1_000_000
 
 
 def _last(records: list[Record], fits: Callable[[Record], bool]) -> Record | None:

@@ -21,7 +21,7 @@ from pybondem.engines.cuda import Cuda
 from pybondem.engines.cuda_device import Variant
 
 # Threads of a block, blocks on a multiprocessor: 384, 256 and 512 threads on it at registers for as many.
-LAYOUTS = ((128, 3), (128, 2), (128, 4), (64, 6), (96, 4), (192, 2), (256, 1), (256, 2))
+LAYOUTS: tuple[tuple[int, int], ...] = ((128, 3), (128, 2), (128, 4), (64, 6), (96, 4), (192, 2), (256, 1), (256, 2))
 SECONDS, REPEATS = 0.3, 5
 
 
@@ -45,11 +45,12 @@ def main() -> None:
     """Measure, print, and append to the file that the command line names."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--particles", type=int, default=200_000)
+    parser.add_argument("--layouts", type=int, default=len(LAYOUTS), help="of each variant, the first so many")
     parser.add_argument("--json", type=Path, metavar="FILE")
     options = parser.parse_args()
     rod = cylinder.model(cylinder.packing(options.particles))
     limit = bd.Simulation(cylinder.model(cylinder.packing(1000)), dt=cylinder.DT).limit
-    for variant, (threads, at_once) in product(get_args(Variant), LAYOUTS):
+    for variant, (threads, at_once) in product(get_args(Variant), LAYOUTS[: options.layouts]):
         engine = Cuda(variant, threads, at_once)
         with mock.patch.object(simulation, "stability_limit", return_value=limit):  # found once for all
             sim = bd.Simulation(rod, engine=engine, dt=cylinder.DT)

@@ -13,7 +13,7 @@ import pybondem as bd
 from pybondem import simulation
 from pybondem.engines.cuda_device import usable
 
-LARGE, SAMPLED = 1_500_000, 10_000  # a larger model has its critical step from one of so many particles
+LARGE, SAMPLED = 200_000, 10_000  # a larger model has its critical step from one of so many particles
 WARM_UP = 100  # particles of the model that brings imports and compiled code into memory first
 
 
@@ -60,7 +60,7 @@ class Ours:
             x[:, 2] *= 1.0 + cylinder.ACTIVE
 
     def _simulation(self, rod: bd.Model) -> bd.Simulation:
-        """Return the simulation; the critical step of a large model, which takes minutes, is that of a smaller one."""
+        """Return the simulation; the critical step of a large model, which takes long to find, is a smaller one's."""
         options: dict[str, Any] = {"engine": self._engine, "threads": self._threads, "dt": cylinder.DT}
         if len(rod) <= LARGE:
             return bd.Simulation(rod, **options)

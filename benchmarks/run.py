@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
+from contextlib import ExitStack
 from itertools import product
 from pathlib import Path
 from statistics import median
@@ -51,6 +52,7 @@ def arguments(words: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--peer", choices=PEERS, help="also time this program, in turns with ours")
     parser.add_argument("--law", type=_laws, metavar="NAME", help="laws, with commas, against elastic and a user's own")
     parser.add_argument("--law-active", action="store_true", help="stretch the specimen at first: its bonds soften")
+    parser.add_argument("--no-users", action="store_true", help="time no user's own law beside a law")
     parser.add_argument("--json", type=Path, metavar="FILE", help="append the records to the list in this file")
     parser.add_argument("--repeats", type=_number, default=5)
     parser.add_argument("--seconds", type=float, default=0.6, help="of each repeat")
@@ -114,26 +116,27 @@ def measure(particles: int, engine: str, threads: int | None, options: argparse.
 def measure_law(
     name: str, particles: int, engine: str, threads: int | None, options: argparse.Namespace
 ) -> dict[str, Any]:
-    """Return the record of a law, timed in turns with the elastic bond and with the same law by a user."""
+    """Return the record of a law, timed in turns with the elastic bond and, unless told not to, the law of a user."""
     mine = {"particles": particles, "engine": engine, "threads": threads, "active": options.law_active}
-    with (
-        Contender("ours.py", mine, []) as elastic,
-        Contender("ours.py", mine | {"law": name}, []) as ours,
-        Contender("ours.py", mine | {"law": name, "users": True}, []) as users,
-    ):
-        every = (ours, elastic, users)
+    with ExitStack() as stack:
+        elastic = stack.enter_context(Contender("ours.py", mine, []))
+        ours = stack.enter_context(Contender("ours.py", mine | {"law": name}, []))
+        every = [ours, elastic]
+        if not options.no_users:
+            every.append(stack.enter_context(Contender("ours.py", mine | {"law": name, "users": True}, [])))
         steps, samples = _timed([*every], options)
         record = _record(mine, ours, steps[0], samples[0])
         figures = [_figures(c.facts["bonds"], n, s) for c, n, s in zip(every, steps, samples, strict=True)]
+    compared = [("over_elastic", 0, 1), *([] if options.no_users else [("users_over_built_in", 2, 0)])]
     ratios = {
         f"{word}{suffix}": _ratio(figures[a][key], figures[b][key])
-        for word, a, b in (("over_elastic", 0, 1), ("users_over_built_in", 2, 0))
+        for word, a, b in compared
         for suffix, key in (("", "ns_per_bond_step"), ("_cpu", "ns_per_bond_step_cpu"))
     }
+    beside = dict(zip(("elastic", "users"), figures[1:], strict=False))  # no user's where none was asked for
     return record | {
-        "law": {"name": name, "active": options.law_active, "damaged": record.pop("damaged"), "elastic": figures[1],
-                "users": figures[2], **ratios}
-    }  # fmt: skip
+        "law": {"name": name, "active": options.law_active, "damaged": record.pop("damaged"), **beside, **ratios}
+    }
 
 
 def _ratio(above: dict[str, Any], below: dict[str, Any]) -> float:
@@ -206,8 +209,10 @@ def cells(record: dict[str, Any]) -> list[str]:
         shown |= {"peer_wall": peer["ns_per_bond_step"]["median"], "peer_cpu": peer["ns_per_bond_step_cpu"]["median"]}
     if law := record.get("law"):
         shown |= {"law_name": law["name"], "active": "yes" if law["active"] else "no"}
-        shown |= {f"{who}_cpu": law[who]["ns_per_bond_step_cpu"]["median"] for who in ("elastic", "users")}
-        shown |= {word: law[f"{word}_cpu"] for word in ("over_elastic", "users_over_built_in")}
+        shown |= {
+            f"{who}_cpu": law[who]["ns_per_bond_step_cpu"]["median"] for who in ("elastic", "users") if who in law
+        }
+        shown |= {word: law.get(f"{word}_cpu") for word in ("over_elastic", "users_over_built_in")}
     return ["-" if shown.get(key) is None else format(shown[key], style) for _, key, style in COLUMNS]
 
 

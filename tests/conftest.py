@@ -1,7 +1,8 @@
 """What the tests share: the engines of this machine, small models, and ways to run them.
 
 Every test that takes `engine` runs on each of them, and the last lines of the report say which these were. A machine
-without a GPU is not silent about it, and fails where PYBONDEM_REQUIRE_GPU=1 asks for one.
+without a GPU is not silent about it, and fails where PYBONDEM_REQUIRE_GPU=1 asks for one; one without the compiler for
+GPUs, which needs none, fails where PYBONDEM_REQUIRE_CUDA_COMPILER=1 asks for it.
 """
 
 import os
@@ -67,6 +68,11 @@ def gpu_is_missing() -> bool:
     return os.environ.get("PYBONDEM_REQUIRE_GPU") == "1" and not NEED_GPU & set(ENGINES)
 
 
+def compiler_is_missing() -> bool:
+    """Whether the compiler for GPUs was asked for and cannot be used, so that its tests were skipped."""
+    return os.environ.get("PYBONDEM_REQUIRE_CUDA_COMPILER") == "1" and missing() is not None
+
+
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Say which engines ran, on how many tests, and whether a GPU was seen."""
     reports = [r for group in terminalreporter.stats.values() for r in group if getattr(r, "when", None) == "call"]
@@ -75,12 +81,15 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     red = {"red": True, "bold": True} if gpu_is_missing() else {}
     wanted = ", which PYBONDEM_REQUIRE_GPU=1 asks for" if gpu_is_missing() else ""
     terminalreporter.write_line(f"Engines: {counts}; {gpu_line()}{wanted}.", **red)
+    if compiler_is_missing():
+        said = f"No compiler for GPUs, which PYBONDEM_REQUIRE_CUDA_COMPILER=1 asks for: {missing()}."
+        terminalreporter.write_line(said, red=True, bold=True)
 
 
 @pytest.hookimpl(trylast=True)
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """Fail the run where a GPU was required and none can be used."""
-    if gpu_is_missing():
+    """Fail the run where a GPU, or the compiler for GPUs, was required and cannot be used."""
+    if gpu_is_missing() or compiler_is_missing():
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 

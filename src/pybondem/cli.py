@@ -34,7 +34,7 @@ EXAMPLES = {
 }
 
 Output = Annotated[Path | None, typer.Option("--output", "-o", help="Result folder; by default a new one in runs/.")]
-Engine = Annotated[str, typer.Option(help="cpu, cuda, reference or interpreted.")]
+Engine = Annotated[str, typer.Option(help="cpu, cuda (or cuda:bonds, cuda:half-bonds), reference or interpreted.")]
 Threads = Annotated[int | None, typer.Option(help="Threads of the cpu engine; by default the physical cores.")]
 Set = Annotated[list[str] | None, typer.Option("--set", "-s", help="Change a value of an example: -s diameter=0.5")]
 Quick = Annotated[bool, typer.Option("--quick", help="Coarse and short: to see that it works, not to be quoted.")]

@@ -4,8 +4,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from pybondem.errors import InputError
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+MOST_BONDS = 2**31  # exclusive: 2 * bond + side is a whole number of 32 bits
 
 
 def pairs_within(x: Floats, radius: Floats, gap: float) -> Ints:
@@ -66,7 +70,9 @@ def own_bonds(i: NDArray[np.uint32], j: NDArray[np.uint32], n: int) -> tuple[NDA
     """Return each particle's own bonds as (first, ends): ends[first[p] : first[p + 1]] are 2 * bond + side.
 
     side is 0 where p is the bond's first end, 1 where it is the second; ascending, the order in which they are summed.
+    Raises InputError for 2^31 bonds or more.
     """
+    listed(len(i))
     bond = np.arange(len(i), dtype=np.uint32)
     owner = np.concatenate([i, j])
     ends = np.concatenate([2 * bond, 2 * bond + np.uint32(1)])
@@ -74,6 +80,15 @@ def own_bonds(i: NDArray[np.uint32], j: NDArray[np.uint32], n: int) -> tuple[NDA
     first = np.zeros(n + 1, np.uint32)
     np.cumsum(np.bincount(owner, minlength=n), out=first[1:])
     return first, ends[order]
+
+
+def listed(bonds: int) -> None:
+    """Raise InputError where so many bonds have more ends than a list of whole numbers of 32 bits can name."""
+    if bonds >= MOST_BONDS:
+        raise InputError(
+            f"the model has {bonds:,} bonds; it must have fewer than {MOST_BONDS:,}, since lists of their ends are in "
+            "whole numbers of 32 bits. Take fewer particles, or a smaller gap."
+        )
 
 
 def pieces(n: int, i: Ints, j: Ints) -> tuple[int, Ints]:

@@ -56,10 +56,11 @@ class Interrupted(KeyboardInterrupt):
 class Simulation:
     """A model made ready to run.
 
-    engine: "cpu" (the default), "reference", "interpreted", or an engine of your own making; dt: time step [s], by
-    default `safety` times the critical step of the model's own stiffness; damping: `local`, `viscous` or `kinetic` (see
+    engine: "cpu" (the default), "cuda" (an NVIDIA GPU, in the faster of the variants "cuda:bonds" and
+    "cuda:half-bonds"), "reference", "interpreted", or an engine of your own making; dt: time step [s], by default
+    `safety` times the critical step of the model's own stiffness; damping: `local`, `viscous` or `kinetic` (see
     `damping`), None for none; gravity (3,) [m/s2]; threads: of the cpu engine, by default the physical cores. Raises
-    InputError for bad values and UnstableError for a step above the critical one.
+    InputError for bad values, UnstableError for a step above the critical one, EngineError where "cuda" cannot run.
     """
 
     def __init__(self, model: Model, *, engine: str | Engine | None = None, dt: float | None = None,

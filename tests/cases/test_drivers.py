@@ -297,3 +297,26 @@ def test_pull_out_path_through_snap_back() -> None:
         assert max(apart) < 0.02
         assert path.dissipated[-1] == pytest.approx(theory.work_of_debonding, rel=5e-3)
         assert path.displacement[-1] < 0.85 * path.displacement.max()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("count", "slower"), [(8, 1.0), (6, 1.5)])
+def test_loading_and_unloading_of_the_pull_out(count: int, slower: float) -> None:
+    """Within 2 % of the analytic path through snap-back, for two settings of cycles and speed."""
+    test = pullout(diameter=1.0)
+    theory, built = test.theory(), test.build()
+    exact = theory.path(4000)
+    size = exact.displacement.max(), exact.load.max()
+    transit = test.length / np.sqrt(test.E_fibre / test.density)
+    envelope = load_unload(
+        built.model, built.pulled, "x", growth=theory.work_of_debonding / count,
+        speed=theory.peak().displacement / (30.0 * slower * transit), over=3.0 * transit, farthest=1.2 * size[0],
+        damping=bd.local(0.6), threads=1, quiet=True,
+    )  # fmt: skip
+    apart = [
+        np.hypot((exact.displacement - u) / size[0], (exact.load - load) / size[1]).min()
+        for u, load in zip(envelope.displacement, envelope.load, strict=True)
+    ]
+    assert max(apart) < 0.02
+    assert len(apart) >= count - 2
+    assert envelope.displacement[-1] < 0.95 * envelope.displacement.max()  # it went back

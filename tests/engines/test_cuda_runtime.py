@@ -5,6 +5,7 @@ too. What the kernels compute is the business of `test_cuda_phases`, and of ever
 """
 
 import gc
+import logging
 import sys
 import weakref
 from collections.abc import Callable, Iterator, Sequence
@@ -262,6 +263,45 @@ def test_a_program_that_fits_no_more_leaves_the_running_one_alone(plain, driven)
     assert np.isfinite(sim.bonds(bonds).force).all()
 
 
+def test_what_fails_halfway_leaves_nothing_behind(plain, driven, monkeypatch):
+    model, _ = driven()
+    sim = bd.Simulation(model, engine=Cuda("bonds", threads=8))
+    held, room, left = plain().held, PlainDevice.empty, 4
+
+    def fill(self: PlainDevice, shape: tuple[int, ...], dtype: Any) -> Any:
+        nonlocal left
+        left -= 1
+        if left < 0:
+            raise EngineError("the GPU is full.")
+        return room(self, shape, dtype)
+
+    monkeypatch.setattr(PlainDevice, "empty", fill)
+    model = driven()[0]  # other arrays than those that are there
+    done = assemble(model)
+    program = step_program(done, (0.0, 0.0, 0.0), None)
+    for left in range(12):  # noqa: B007  in the private arrays, and among the copies
+        with pytest.raises(EngineError, match="is full"):
+            sim.engine.prepare(program)
+        assert gc.collect() >= 0
+        assert plain().held == held
+    assert left < 0
+    monkeypatch.undo()
+    sim.run(steps=3, quiet=True)
+
+
+def test_memory_that_only_a_cycle_holds_is_given_back_before_a_refusal(plain, driven):
+    sim = bd.Simulation(driven()[0], engine=Cuda("bonds", threads=8))
+    engine, model = sim.engine, driven()[0]
+    gc.disable()
+    try:
+        sim.itself = sim  # type: ignore[attr-defined]
+        plain().gpu = GPU._replace(free=2 * plain().held + cuda.LEFT_FREE)  # for one, which takes more as it is made
+        del sim
+        bd.Simulation(model, engine=engine).run(steps=2, quiet=True)
+    finally:
+        gc.enable()
+
+
 def test_a_fault_names_the_steps_it_was_in(plain, driven):
     sim = bd.Simulation(driven()[0], engine=Cuda("bonds", threads=8))
     sim.run(steps=7, quiet=True)
@@ -275,15 +315,17 @@ class CudaAPIError(Exception):
 
 
 @pytest.fixture
-def failing(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Device]:
-    """failing(message): a real device under which every call of the driver fails."""
+def failing(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Device]:
+    """failing(message, number): a real device under which every call of the driver fails; number: of the GPU in use."""
 
-    def make(message: str) -> Device:
+    def make(message: str, number: int = 0) -> Device:
         def fail(*_: Any) -> Any:
             raise CudaAPIError(message)
 
-        memory = SimpleNamespace(free=1234)
-        context = SimpleNamespace(deallocations=SimpleNamespace(clear=list), get_memory_info=lambda: memory)
+        memory, pending = SimpleNamespace(free=1234), SimpleNamespace(deallocations=SimpleNamespace(clear=list))
+        context = SimpleNamespace(
+            device=SimpleNamespace(id=number), memory_manager=pending, get_memory_info=lambda: memory
+        )
         calls = dict.fromkeys(("device_array", "synchronize", "jit"), fail)
         monkeypatch.setattr(numba, "cuda", SimpleNamespace(**calls, current_context=lambda: context), raising=False)
         return Device(GPU)
@@ -295,6 +337,14 @@ def test_a_full_gpu_is_no_fault(failing):
     device = failing("[2] Call to cuMemAlloc results in CUDA_ERROR_OUT_OF_MEMORY")
     with pytest.raises(EngineError, match=r"Test GPU is full: 240 bytes are needed and 1,234 bytes are free of 8,58"):
         device.empty((3, 10), np.float64)
+    assert device.failed is None
+
+
+def test_another_gpu_than_the_one_that_was_asked_is_refused(failing):
+    device = failing("[2] CUDA_ERROR_OUT_OF_MEMORY", number=1)
+    for ask in (device.free, lambda: device.empty((3,), np.float64), lambda: device.upload(np.zeros(3), None)):
+        with pytest.raises(EngineError, match=r"runs on GPU 0 \(Test GPU\), and cuda\.select_device\(1\) has chosen"):
+            ask()
     assert device.failed is None
 
 
@@ -536,6 +586,24 @@ def test_what_fits_is_told_from_what_is_taken(plain, variant):
 # With the compiler of the cuda extra ----------------------------------------------------------------------------
 
 needs_compiler = pytest.mark.skipif(missing() is not None, reason=f"no compiler for GPUs: {missing()}")
+
+
+@needs_compiler
+def test_free_memory_is_told_after_arrays_are_given_back(monkeypatch):
+    """In the context that numba-cuda keeps, where an array that nobody holds waits to be given back."""
+    from numba.cuda.cudadrv import driver
+
+    monkeypatch.setattr(
+        driver, "_logger", logging.getLogger("numba.cuda"), raising=False
+    )  # made with the first context
+    context = driver.Context(SimpleNamespace(id=0), None)
+    waiting, memory = [24, 8], context.memory_manager
+    memory.deallocations.memory_capacity = GPU.total
+    for size in waiting:
+        memory.deallocations.add_item(waiting.remove, size, size)
+    monkeypatch.setattr(memory, "get_memory_info", lambda: SimpleNamespace(free=GPU.free - sum(waiting)))
+    monkeypatch.setattr(numba.cuda, "current_context", lambda: context)
+    assert Device(GPU).free() == GPU.free
 
 
 @needs_compiler

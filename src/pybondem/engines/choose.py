@@ -12,7 +12,9 @@ def make_engine(name: str, threads: int | None = None) -> Engine:
     """Return an engine by name: "cpu" (Numba, the default), "cuda" (Numba on an NVIDIA GPU), "reference" (NumPy),
     "interpreted" (plain Python).
 
-    Raises InputError for another name, EngineError where there is no GPU to be used.
+    "cuda:bonds" and "cuda:half-bonds" are variants of "cuda", which takes the one that should be faster on the GPU at
+    hand; see `engines.cuda.Cuda`. threads: of "cpu", None for the physical cores; others pass over it. Raises
+    InputError for another name, EngineError where there is no GPU to be used.
     """
     name = choice("engine", name, (*ENGINES, *VARIANTS))
     if name == "reference":

@@ -3,6 +3,7 @@
 One launch advances many steps. The same bits on every run of one GPU: no atomics, sums in fixed order.
 """
 
+import gc
 from collections.abc import Callable
 from typing import Any, get_args
 
@@ -55,10 +56,12 @@ class CudaRunner:
         needed += sum(int(np.prod(p.shape)) * np.dtype(p.dtype).itemsize for p in private)
         free = self._device.free()
         if needed + LEFT_FREE > free:
+            gc.collect()  # simulations that nobody can reach any more
+            free = self._device.free()
+        if needed + LEFT_FREE > free:
             raise out_of_memory(self._device.gpu, needed + LEFT_FREE, free)
-        for array in self._arrays.values():
-            self._mirror.keep(array)
         self._private = [self._device.empty(p.shape, p.dtype) for p in private]
+        self._mirror.keep_all(self._arrays.values())
         for there, p in zip(self._private, private, strict=True):
             if p.initial is not None:
                 self._device.upload(p.initial, there)

@@ -40,12 +40,14 @@ class Compiled(NamedTuple):
     """What became of a function.
 
     ptx: NVIDIA's assembly of a kernel that calls it; registers: what a thread of it needs; spills: bytes that do not
-    fit into registers and go to memory and back, 0 in a good kernel. The last two are None where there is no `ptxas`.
+    fit into registers and go to memory and back, 0 in a good kernel; frame: bytes of a thread in memory of its own,
+    with what is handed over to functions that are not inlined. All but the first are None where there is no `ptxas`.
     """
 
     ptx: str
     registers: int | None
     spills: int | None
+    frame: int | None = None
 
 
 def missing() -> str | None:
@@ -241,11 +243,11 @@ def _kernel(law: Any, argument_types: Sequence[Any], results: Sequence[str]) -> 
 # What it needs --------------------------------------------------------------------------------------------------
 
 
-def _needs(ptx: str) -> tuple[int | None, int | None]:
-    """Return the registers and the spilled bytes of a kernel, None where there is no ptxas, or only an older one."""
+def _needs(ptx: str) -> tuple[int | None, int | None, int | None]:
+    """Return registers, spilled bytes and frame of a kernel, None where there is no ptxas, or only an older one."""
     ptxas = import_module("cuda.pathfinder").find_nvidia_binary_utility("ptxas") or shutil.which("ptxas")
     if ptxas is None:
-        return None, None
+        return None, None, None
     target = ptx.split(".target ", 1)[1].split()[0]
     with tempfile.TemporaryDirectory() as folder:
         source = Path(folder, "kernel.ptx")
@@ -255,7 +257,8 @@ def _needs(ptx: str) -> tuple[int | None, int | None]:
     said = done.stdout + done.stderr
     used = re.search(r"Used (\d+) registers", said)
     if done.returncode == 0 and used:
-        return int(used[1]), sum(int(n) for n in re.findall(r"(\d+) bytes spill", said))
+        spills, frame = (sum(map(int, re.findall(rf"(\d+) bytes {what}", said))) for what in ("spill", "stack frame"))
+        return int(used[1]), spills, frame
     if "Unsupported .version" in said or "gpu-name" in said:
-        return None, None
+        return None, None, None
     raise EngineError(f"{ptxas} does not take what the compiler made: {said.strip().splitlines()[0]}")

@@ -10,6 +10,7 @@ import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
 from importlib import import_module
 from types import FunctionType
 from typing import Any
@@ -19,7 +20,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from pybondem.engines.cpu import cache_folder, fingerprint
 from pybondem.engines.cuda_compile import kernel_of
-from pybondem.engines.cuda_device import Gpu
+from pybondem.engines.cuda_device import FIRST, Gpu
 from pybondem.engines.cuda_text import Text
 from pybondem.errors import EngineError
 
@@ -35,7 +36,8 @@ FATAL = (  # after these errors of the driver, nothing in GPU memory can be had 
 )  # fmt: skip
 SUM_BLOCKS, SUM_THREADS = 64, 256
 RESIDENT = (384, 256, 1)  # threads that are to fit on a multiprocessor together: as many as do without spills
-MOST_LOCAL = 32  # bytes of a thread that are not in registers: 16 for calls where blocks meet, the same for spills
+CALLS = 16  # bytes of a thread that a linked kernel keeps in memory for its calls where blocks meet
+SPILLED = 16  # bytes of a thread in memory for want of registers that are too many; none at all depends on the toolkit
 
 Launch = Callable[..., None]  # launch(steps, *values)
 
@@ -80,22 +82,18 @@ class Device:
 
         with self._errors():
             context = cuda.current_context()
-            context.deallocations.clear()
+            context.memory_manager.deallocations.clear()  # of arrays; context.deallocations are of streams and events
             return int(context.get_memory_info().free)
 
     def total(self, there: Any) -> float:
-        """Return the sum of an array of numbers in GPU memory; a few thousand partial sums are copied back."""
+        """Return the sum of an array of numbers in GPU memory; 16 384 partial sums are copied back."""
         from numba import cuda
 
         with self._errors():
             if self._sums is None:
-                with warnings.catch_warnings():
-                    warnings.simplefilter("ignore")
-                    kernel = strided_sums()[SUM_BLOCKS, SUM_THREADS]
-                self._sums = kernel, cuda.device_array(SUM_BLOCKS * SUM_THREADS)
-            kernel, sums = self._sums
-            kernel(there.reshape(there.size), sums)
-            return float(sums.copy_to_host().sum())
+                self._sums = cuda.device_array(SUM_BLOCKS * SUM_THREADS)
+            strided_sums()(there.reshape(there.size), self._sums)
+            return float(self._sums.copy_to_host().sum())
 
     # Kernels ----------------------------------------------------------------------------------------------------
 
@@ -106,18 +104,18 @@ class Device:
         and process; kept on disk. A cooperative launch: all its blocks are on the GPU at the same time.
         """
         with self._errors():
-            made = fitting(text, values, at_once)
+            kernel, made = fitting(text, values, at_once)
             most = made.max_cooperative_grid_blocks(text.threads)
             if most < 1:
                 too_large = f"a block of {text.threads} threads is too large"
                 raise EngineError(f"{self.gpu.name} cannot run the kernel: {too_large}.")
-            prepared = Prepared(made, min(text.blocks, most), text.threads)
+            started = launcher(kernel, made, min(text.blocks, most), text.threads)
 
         def launch(steps: int, *values: Any) -> None:
             from numba import cuda
 
             with self._errors():
-                prepared(steps, *values)
+                started(steps, *values)
                 cuda.synchronize()
 
         return launch
@@ -128,6 +126,7 @@ class Device:
         if self.failed is not None:
             raise EngineError(self.failed)
         try:
+            self._refuse_another_gpu()
             yield
         except Exception as error:
             kinds = {kind.__name__ for kind in type(error).__mro__}
@@ -148,22 +147,49 @@ class Device:
             )
             raise EngineError(self.failed) from error
 
+    def _refuse_another_gpu(self) -> None:
+        """Raise EngineError where numba-cuda works on another GPU than the one that was asked what it can do."""
+        from numba import cuda
+
+        number = cuda.current_context().device.id
+        if number != FIRST:
+            raise EngineError(
+                f"the engine cuda runs on GPU {FIRST} ({self.gpu.name}), and cuda.select_device({number}) has chosen "
+                f"another; hide the others with CUDA_VISIBLE_DEVICES={number} instead."
+            )
+
+
+def launcher(kernel: Any, made: Any, blocks: int, threads: int) -> Launch:
+    """Return what launches a kernel with so many blocks of threads: `Prepared`, or numba-cuda's own, slower way.
+
+    kernel: the dispatcher; made: what it has compiled for the arguments.
+    """
+    try:
+        return Prepared(made, blocks, threads)
+    except (AttributeError, ImportError):  # names that numba-cuda keeps to itself, in another version of it
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # a small model does not fill a GPU
+            configured: Launch = kernel[blocks, threads]
+        return configured
+
 
 class Prepared:
     """Launches of a compiled kernel with so many blocks of threads.
 
     An argument that is the very object of the last launch is not translated for the driver again, which is most of
-    what a launch by numba-cuda costs: 60 arguments, seven numbers and more for each array.
+    what a launch by numba-cuda costs: 60 arguments, seven numbers and more for each array. All that is not public in
+    numba-cuda is looked up when this is made: AttributeError or ImportError then, and never in the midst of a run.
     """
 
     def __init__(self, made: Any, blocks: int, threads: int) -> None:
-        self._dispatcher: Any = import_module("numba.cuda.dispatcher")
+        dispatcher: Any = import_module("numba.cuda.dispatcher")
         self._stream = import_module("numba.cuda.cudadrv.driver")._to_core_stream(0)
-        cooperative = {"is_cooperative" if self._dispatcher.CUDA_CORE_GE_1_0 else "cooperative_launch": True}
-        self._config = self._dispatcher.LaunchConfig(
-            grid=(blocks, 1, 1), block=(threads, 1, 1), shmem_size=0, **cooperative
-        )
-        self._made = made
+        cooperative = {"is_cooperative" if dispatcher.CUDA_CORE_GE_1_0 else "cooperative_launch": True}
+        self._config = dispatcher.LaunchConfig(grid=(blocks, 1, 1), block=(threads, 1, 1), shmem_size=0, **cooperative)
+        self._launch, self._context = dispatcher.launch, dispatcher.get_context
+        self._prepare, self._kinds = made._prepare_args, made.argument_types
+        self._function = made._codelibrary.get_cufunc
+        _ = self._function().kernel  # a name as above
         self._values: list[Any] = [self] * len(made.argument_types)
         self._words: list[list[Any]] = [[] for _ in made.argument_types]
 
@@ -172,26 +198,43 @@ class Prepared:
         for n, value in enumerate(values):
             if value is not self._values[n]:
                 words: list[Any] = []
-                self._made._prepare_args(self._made.argument_types[n], value, 0, [], words)
+                self._prepare(self._kinds[n], value, 0, [], words)
                 self._values[n], self._words[n] = value, words
-        self._dispatcher.get_context()  # makes it the one of this thread
-        kernel = self._made._codelibrary.get_cufunc().kernel
+        self._context()  # makes it the one of this thread
         every = [word for words in self._words for word in words]
-        self._dispatcher.launch(self._stream, self._config, kernel, *every)
+        self._launch(self._stream, self._config, self._function().kernel, *every)
 
 
-def fitting(text: Text, values: Sequence[Any], at_once: int | None) -> Any:
-    """Return a text compiled for arguments like these, with so many blocks on one multiprocessor.
+def fitting(text: Text, values: Sequence[Any], at_once: int | None) -> tuple[Any, Any]:
+    """Return the dispatcher of a text, and what it has compiled for arguments like these.
 
-    at_once None: as many as leave each thread the registers that it needs, by what the linked kernel keeps elsewhere.
+    at_once: blocks on one multiprocessor; None: as many as leave each thread the registers that it needs, by what the
+    linked kernel keeps elsewhere.
     """
-    bounds = [max(1, most // text.threads) for most in RESIDENT] if at_once is None else [at_once]
-    for blocks in dict.fromkeys(bounds):
+
+    @cache
+    def made(blocks: int) -> tuple[Any, Any]:
         kernel = compiled(text, blocks)
-        made = kernel.compile(tuple(kernel.typeof_pyval(value) for value in (1, *values)))
-        if made.local_mem_per_thread <= MOST_LOCAL:
-            break
-    return made
+        return kernel, kernel.compile(tuple(kernel.typeof_pyval(value) for value in (1, *values)))
+
+    return made(most_at_once(text.threads, lambda blocks: int(made(blocks)[1].local_mem_per_thread), at_once))
+
+
+def most_at_once(threads: int, outside: Callable[[int], int], at_once: int | None = None) -> int:
+    """Return how many blocks must fit on a multiprocessor: at_once, or as many as do without spills.
+
+    outside(blocks): bytes of a thread in memory of its own when compiled so. They hold what cannot be in registers
+    whatever their number, such as what is handed over where blocks meet: spills are what a bound adds to those of the
+    loosest one, which is compiled only where that decides.
+    """
+    if at_once is not None:
+        return at_once
+    *tight, loosest = dict.fromkeys(max(1, most // threads) for most in RESIDENT)
+    for blocks in tight:
+        there = outside(blocks)
+        if there <= CALLS or there - outside(loosest) < SPILLED:
+            return blocks
+    return loosest
 
 
 def compiled(text: Text, at_once: int = 1) -> Any:
@@ -227,8 +270,9 @@ def out_of_memory(gpu: Gpu, needed: int | None, free: int) -> EngineError:
     )
 
 
+@cache
 def strided_sums() -> Any:
-    """Return a kernel in which each thread sums every so many-th of some numbers."""
+    """Return what launches a kernel in which each thread sums every so many-th of some numbers."""
     from numba import cuda
 
     def kernel(values: Any, sums: Any) -> None:
@@ -238,4 +282,6 @@ def strided_sums() -> Any:
             total += values[k]
         sums[thread] = total
 
-    return cuda.jit(kernel)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return cuda.jit(kernel)[SUM_BLOCKS, SUM_THREADS]

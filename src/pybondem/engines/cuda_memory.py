@@ -61,6 +61,17 @@ class Mirror:
             there = self._memory.empty(array.shape, array.dtype)
             copies[key] = Copy(there, weakref.ref(array, lambda _: copies.pop(key, None)))
 
+    def keep_all(self, arrays: Iterable[Array]) -> None:
+        """Make room for copies of arrays; raises EngineError where one does not fit, the others undone then."""
+        before = set(self._copies)
+        try:
+            for array in arrays:
+                self.keep(array)
+        except BaseException:
+            for key in self._copies.keys() - before:
+                del self._copies[key]
+            raise
+
     def copy_of(self, array: Array) -> Any:
         """Return the copy of an array, brought up to date."""
         self.keep(array)
@@ -109,7 +120,7 @@ class Rows:
         """Return an array there of the shape of a table, its values arbitrary: the last one, where that will do."""
         room = self._room
         if room is None or room.shape[0] < table.shape[0] or room.shape[1:] != table.shape[1:]:
-            self._room = self._last = room = None  # given back before more is asked for
+            self._room = self._last = room = None  # which a launch may hold until the next
             self._room = room = self._memory.empty(table.shape, table.dtype)
         if self._last is None or self._last.shape != table.shape:
             self._last = room[: table.shape[0]]

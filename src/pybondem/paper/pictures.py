@@ -192,21 +192,28 @@ def browse(path: Path, paused: Paused, coloured: dict[str, Colouring]) -> Path:
 def tables(paused: Paused) -> list[Table]:
     """Return the stages and the force in the fibre beside theory, and what it took."""
     theory, last = paused.built.test.theory(), paused.last
-    stages = []
+    peak, stages = theory.peak().load, []
     for stage in paused.stages:
         state = theory.state_at_displacement(stage.displacement)
         stages.append(
             [f"{1e3 * stage.displacement:.3f}", state.zones, f"{1e-3 * stage.load:.1f}", f"{1e-3 * state.load:.1f}",
-             f"{mean_damage(paused.built, stage):.3f}", f"{exact_damage(theory, stage.displacement):.3f}"]
+             f"{100.0 * (stage.load - state.load) / peak:+.2f} %", f"{mean_damage(paused.built, stage):.3f}",
+             f"{exact_damage(theory, stage.displacement):.3f}"]
         )  # fmt: skip
     inside = [
-        [f"{place * paused.built.test.length:.1f}", f"{1e-3 * seen:.1f}", f"{1e-3 * exact:.1f}"]
+        [
+            f"{place * paused.built.test.length:.1f}",
+            f"{1e-3 * seen:.1f}",
+            f"{1e-3 * exact:.1f}",
+            f"{100.0 * (seen - exact) / last.load:+.2f} %",
+        ]
         for place, seen, exact in zip(PLACES, *forces_in_fibre(paused), strict=True)
     ]
     return [
-        Table("Stages of the run", ["u [mm]", "zones", "load [kN]", "theory [kN]", "mean damage", "theory"], stages),
+        Table("Stages of the run", ["u [mm]", "zones", "load [kN]", "theory [kN]", "error, of the peak", "mean damage",
+                                    "theory"], stages),
         Table(f"Axial force in the fibre at u = {1e3 * last.displacement:.3f} mm",
-              ["x [m]", "from the stresses [kN]", "theory [kN]"], inside),
+              ["x [m]", "from the stresses [kN]", "theory [kN]", "error, of the load"], inside),
         Table("Wall time", ["what", "seconds"], [[what, f"{s:.1f}"] for what, s in paused.seconds.items()]),
     ]  # fmt: skip
 
