@@ -160,8 +160,10 @@ REMARKS = [
     "free fibre 5.4 m; without its plug under the tip, and with bonds that resist bending, as its bonds do: at nu = "
     "0.2 they have no shear stiffness. k c_sl = 0.55 in an isotropic body and 0.83 with the shear modulus of this "
     "lattice: the bond is nearly as stiff as the shear of the parts around it, which the plain theory leaves out. "
-    "Joints at one height scatter, because each is as stiff as the spheres that it holds are held; no one-dimensional "
-    "theory can be in good agreement with a three-dimensional model before all of the bond softens (S).",
+    "Joints at one height scatter, because each is as stiff as the spheres that it holds are held; the means of a "
+    "height (right) tell what theory can say. Its shear compliance mends the elastic stage; once a front softens it "
+    "moves the front too far, and helps no more. No one-dimensional theory can be in good agreement with a three- "
+    "dimensional model before all of the bond softens (S).",
 ]
 
 
