@@ -162,8 +162,8 @@ REMARKS = [
     "lattice: the bond is nearly as stiff as the shear of the parts around it, which the plain theory leaves out. "
     "Joints at one height scatter, because each is as stiff as the spheres that it holds are held; the means of a "
     "height (right) tell what theory can say. Its shear compliance mends the elastic stage; once a front softens it "
-    "moves the front too far, and helps no more. No one-dimensional theory can be in good agreement with a three- "
-    "dimensional model before all of the bond softens (S).",
+    "moves the front too far, and helps no more. No one-dimensional theory can be in good agreement with a "
+    "three-dimensional model before all of the bond softens (S).",
 ]
 
 
