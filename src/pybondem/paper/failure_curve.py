@@ -170,7 +170,9 @@ def draw(path: Path, curves: Sequence[Curve], exact: Exact, friction: Curve, rou
         axes.set_xlabel(axis_label("displacement of the fibre end", "m", mm))
         axes.set_ylabel(axis_label("load", "N", kn))
         if any(c.reloads for c in curves):
-            axes.plot([], [], color=PALETTE[5], linewidth=0.8, label="loadings between (of the first)")
+            axes.plot(
+                [], [], color=PALETTE[5], linewidth=0.8, label="loading and unloading: the loadings, 1/20 a cycle"
+            )
         axes.plot([], [], color=INK, linewidth=1.4, label="theory")
         axes.plot([], [], "--", color=INK, linewidth=1.4, label=f"theory, friction {RESIDUAL:g} of the strength")
         picture.legend(loc="outside lower center", ncols=1, fontsize=10)
