@@ -206,7 +206,7 @@ def test_spills_are_seen():
     crowded = "".join(f"\tld.volatile.global.f64 \t%x{k}, [%rd4+{8 * k}];\n" for k in range(40))
     crowded += "".join(f"\tst.volatile.global.f64 \t[%rd3+{8 * k}], %x{k};\n" for k in range(40))
     ptx = made.ptx.replace("\n)\n{", "\n)\n.maxnreg 24\n{").replace("\tret;", f"\t.reg .f64 %x<40>;\n{crowded}\tret;")
-    registers, spills = cuda_compile._needs(ptx)
+    registers, spills, _ = cuda_compile._needs(ptx)
     assert registers == 24
     assert spills >= 40 * 8
 
@@ -224,7 +224,7 @@ def test_without_ptxas_nothing_is_said_of_registers(monkeypatch):
 def test_an_older_ptxas_is_none(monkeypatch, said):
     answer = SimpleNamespace(returncode=255, stdout="", stderr=f"ptxas fatal : {said}")
     monkeypatch.setattr(subprocess, "run", lambda *a, **k: answer)
-    assert compile_for_gpu(*STRENGTH)[1:] == (None, None)
+    assert compile_for_gpu(*STRENGTH)[1:] == (None, None, None)
 
 
 @needs_compiler

@@ -37,7 +37,7 @@ FATAL = (  # after these errors of the driver, nothing in GPU memory can be had 
 SUM_BLOCKS, SUM_THREADS = 64, 256
 RESIDENT = (384, 256, 1)  # threads that are to fit on a multiprocessor together: as many as do without spills
 CALLS = 16  # bytes of a thread that a linked kernel keeps in memory for its calls where blocks meet
-SPILLED = 16  # bytes of a thread in memory for want of registers that are too many; none at all depends on the toolkit
+SPILLED = 1  # bytes of a thread in memory for want of registers that are too many: any at all
 
 Launch = Callable[..., None]  # launch(steps, *values)
 
