@@ -50,7 +50,14 @@ session = Session()
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C was pressed: the block of steps was finished and everything written."""
+    """Ctrl-C was pressed: the block of steps was finished and everything written.
+
+    found: what a driver has come to by then, None for a simulation.
+    """
+
+    def __init__(self, said: str = "", found: Any = None) -> None:
+        super().__init__(said)
+        self.found = found
 
 
 class Simulation:

@@ -184,6 +184,26 @@ def test_a_path_ends_where_less_is_left_than_a_step() -> None:
     assert path.displacement[-1] < path.displacement.max()
 
 
+def test_what_was_found_before_ctrl_c_is_not_lost() -> None:
+    model, _, end = in_series(damping=0.3)
+
+    def pressed(*_: Any) -> float:
+        asked.append(1)
+        if len(asked) > 6:
+            raise KeyboardInterrupt
+        return 0.0
+
+    asked: list[int] = []
+    with pytest.raises(bd.Interrupted, match="after 7 steps") as stop:
+        dissipation_control(model, end, "x", energy=0.01 * WORK, until=pressed, quiet=True)  # type: ignore[arg-type]
+    assert len(stop.value.found.load) == 8
+    asked.clear()
+    with pytest.raises(bd.Interrupted, match="after 0 cycles"):
+        load_unload(model, end, "x", growth=1.0, speed=1e-3, over=1e-4, farthest=1.0, measure=pressed, quiet=True)
+    with pytest.raises(bd.InputError, match="measure of load_unload is 'lost'"):
+        load_unload(model, end, "x", growth=1.0, speed=1.0, over=1.0, farthest=1.0, measure="lost")  # type: ignore[arg-type]
+
+
 def test_what_is_no_model_or_no_function_is_refused() -> None:
     model, _, end = in_series()
     with pytest.raises(bd.InputError, match="needs a Model and a Selection"):

@@ -30,7 +30,7 @@ from pybondem.drivers.secant import Committed, Secant
 from pybondem.errors import InputError
 from pybondem.model import BondSet, Model, Selection
 from pybondem.output.progress import Progress
-from pybondem.simulation import session
+from pybondem.simulation import Interrupted, session
 
 Floats = NDArray[np.float64]
 SETTLED = 1e-5  # change of damage at which an iteration ends
@@ -114,9 +114,9 @@ def dissipation_control(
     until(point): ends the path; watch: bonds whose slip and shear stress are kept. The path also ends where the load
     has fallen to a thousandth of its peak. What else is fixed or driven stays where it is; dashpots, gravity and the
     speed of drives mean nothing here. Bonds that are equal and equally loaded soften together, though their equilibrium
-    may have branches where only some do: let them scatter. Ctrl-C raises KeyboardInterrupt with the path so far as its
-    attribute `path`. Raises InputError where a law is no damage law of the deformation alone, has jumps, or never
-    damages; LawError for a damage outside 0 to 1.
+    may have branches where only some do: let them scatter. Ctrl-C raises Interrupted with the path so far as its
+    `found`. Raises InputError where a law is no damage law of the deformation alone, has jumps, or never damages;
+    LawError for a damage outside 0 to 1.
     """
     if until is not None and not callable(until):
         raise InputError(f"until of dissipation_control is {until!r}; give a function of a PathPoint.")
@@ -135,8 +135,7 @@ def dissipation_control(
                 if path.ended != "steps":
                     break
         except KeyboardInterrupt as stop:
-            stop.path = path  # type: ignore[attr-defined]
-            raise
+            raise Interrupted(f"stopped by hand after {len(path.points) - 1} steps.", path) from stop
     return path
 
 

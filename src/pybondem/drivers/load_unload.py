@@ -24,7 +24,7 @@ from pybondem.errors import InputError
 from pybondem.measure import applied, displacement
 from pybondem.model import Model, Selection
 from pybondem.output.progress import Progress
-from pybondem.simulation import Simulation, session
+from pybondem.simulation import Interrupted, Simulation, session
 
 Floats = NDArray[np.float64]
 LOOKS = 50  # at load and damage while the velocity of the end goes over from one value to another
@@ -92,13 +92,15 @@ def load_unload(
     which the end goes over from one velocity to another [s], some transits of a wave through the model; farthest:
     displacement at which loading is given up [m]; cycles: at most so many; damping: local(0.5) by default. What drives
     the end along the axis in the model is left out here. The path ends where a load has fallen to a hundredth of the
-    largest, or where damage has not grown so much before `farthest`. Ctrl-C raises KeyboardInterrupt with what there is
-    as its attribute `envelope`. Raises InputError for bad values, and for bond laws, which cannot be frozen.
+    largest, or where damage has not grown so much before `farthest`. Ctrl-C raises Interrupted with what there is as
+    its `found`. Raises InputError for bad values, and for bond laws, which cannot be frozen.
     """
     for name, value, unit in (("growth", growth, "1"), ("speed", speed, "m/s"), ("over", over, "s"),
                               ("farthest", farthest, "m")):  # fmt: skip
         positive(f"{name} of load_unload", value, unit)
     whole_number("cycles of load_unload", cycles)
+    if measure is not None and not callable(measure):
+        raise InputError(f"measure of load_unload is {measure!r}; give a function of the simulation.")
     fraction("safety", safety, 1e-6, 1.0)
     pulled, velocity = steered(model, end, axis)
     sim = Simulation(pulled, damping=damping or local(0.5), safety=safety, engine=engine, threads=threads)
@@ -118,8 +120,7 @@ def load_unload(
                 if done is None or done.load[done.onset] < GONE * envelope.load.max():
                     break
         except KeyboardInterrupt as stop:
-            stop.envelope = envelope  # type: ignore[attr-defined]
-            raise
+            raise Interrupted(f"stopped by hand after {len(envelope.cycles)} cycles.", envelope) from stop
     if not envelope.cycles:
         raise InputError(
             f"damage grew by {rig.grew:.3g} up to a displacement of {farthest:g} m, where {growth:.3g} was asked for; "

@@ -37,7 +37,6 @@ FATAL = (  # after these errors of the driver, nothing in GPU memory can be had 
 SUM_BLOCKS, SUM_THREADS = 64, 256
 RESIDENT = (384, 256, 1)  # threads that are to fit on a multiprocessor together: as many as do without spills
 CALLS = 16  # bytes of a thread that a linked kernel keeps in memory for its calls where blocks meet
-SPILLED = 1  # bytes of a thread in memory for want of registers that are too many: any at all
 
 Launch = Callable[..., None]  # launch(steps, *values)
 
@@ -232,7 +231,7 @@ def most_at_once(threads: int, outside: Callable[[int], int], at_once: int | Non
     *tight, loosest = dict.fromkeys(max(1, most // threads) for most in RESIDENT)
     for blocks in tight:
         there = outside(blocks)
-        if there <= CALLS or there - outside(loosest) < SPILLED:
+        if there <= CALLS or there <= outside(loosest):
             return blocks
     return loosest
 

@@ -24,11 +24,8 @@ RAYS = 2  # per pixel and direction: edges are averages of four
 MOST_PIXELS = 16_000_000
 BAND = 64  # rows of pixels that are lit at a time
 # Light: directions to the right, down, and towards the eye, of unit length; GLOSSY lies between key light and eye.
-KEY_LIGHT, FILL_LIGHT, GLOSSY = (
-    np.array([-0.48, -0.6, 0.64]),
-    np.array([0.6, 0.0, 0.8]),
-    np.array([-0.265, -0.331, 0.9056]),
-)
+KEY_LIGHT, FILL_LIGHT = np.array([-0.48, -0.6, 0.64]), np.array([0.6, 0.0, 0.8])
+GLOSSY = np.array([-0.265, -0.331, 0.9056])
 AMBIENT, KEY, FILL, GLOSS = 0.56, 0.46, 0.16, 0.10
 CREASES = ((1.2, 0.40), (7.0, 0.30))  # reach in radii, share of the light that a deep crease takes
 

@@ -18,7 +18,7 @@ from pybondem.paper.effort import Effort
 from pybondem.paper.speed_cylinder import SHAKEN
 from pybondem.paper.speed_gpu import DATA, committed
 from pybondem.paper.speed_pictures import CPU_OF_PAPER, GPU_OF_PAPER, LOOKS, draw_gains, draw_times
-from pybondem.paper.speed_timing import ITERATIONS, LEAST, Kind, Point, measure, ways
+from pybondem.paper.speed_timing import ITERATIONS, LEAST, PATIENCE, Kind, Point, measure, ways
 
 
 class Plan(NamedTuple):
@@ -53,7 +53,7 @@ def figure(folder: Path, effort: Effort, data: Path = DATA) -> Sheet:
     """Time a step of the cylinder on every engine and at every size, and return the sheet.
 
     All engines are timed, whatever the effort's engine; its threads are those of the engine cpu at its fastest. data:
-    folder of the results of GPUs, which are shown where this machine has none. About ten minutes on two cores.
+    folder of the results of GPUs, which are shown where this machine has none. About 20 minutes on two cores.
     """
     plan = QUICK if effort.quick else FULL
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None  # by others: before anything is timed
@@ -128,7 +128,8 @@ def remarks(points: Sequence[Point], plan: Plan) -> list[str]:
         f"{made['numpy']}, Numba {made['numba']}. On many threads each takes {BONDS_PER_THREAD} bonds at least.",
         f"A sample is the mean over {ITERATIONS} iterations that one call runs one after the other, each begun when "
         f"all of the one before is done, and the call returns after the last; where {LEAST} such samples take more "
-        f"than {plan.budget:g} s, a sample is one iteration. Everything is compiled and has been run before. \"Called "
+        f"than {plan.budget:g} s ({PATIENCE * plan.budget:g} s for interpreted Python), a sample is one iteration. "
+        "Everything is compiled and has been run before. \"Called "
         "alone\" is the median of iterations that Python calls and waits for one by one: the difference is what a "
         "call costs, which a run of many steps does not pay. The arrays are what a step works on; what NumPy "
         "holds in passing, several times as much, is not counted.",
