@@ -390,9 +390,9 @@ class Simulation:
 
     def total(self, name: str, where: Selection) -> Floats:
         """Return the sum of a particle field over a selection."""
-        return self.state.particles[name][:, self.state.position[self.model.own(where)]].sum(axis=1)
+        return self.state.particles.picked(name, self.state.position[self.model.own(where)]).sum(axis=1)
 
     def mean_displacement(self, where: Selection) -> Floats:
         """Return the mean displacement of a selection since the start (3,) [m]."""
         at = self.state.position[self.model.own(where)]
-        return (self.state.particles["x"][:, at] - self.state.particles["start"][:, at]).mean(axis=1)
+        return (self.state.particles.picked("x", at) - self.state.particles.picked("start", at)).mean(axis=1)

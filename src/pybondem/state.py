@@ -102,6 +102,9 @@ class Holder(Protocol):
     def total(self, array: NDArray[Any]) -> float:
         """Return the sum of all items of an array as they are now, which need not come to the host for it."""
 
+    def picked(self, array: NDArray[Any], at: NDArray[np.int64]) -> NDArray[Any]:
+        """Return some items (the last index) of an array as they are now; the others need not come to the host."""
+
 
 class Fields(dict[str, Any]):
     """Arrays and numbers by name. Where an engine holds newer versions, an array is fetched when it is looked at."""
@@ -128,6 +131,12 @@ class Fields(dict[str, Any]):
         """Return the sum of all items of a field."""
         array = super().__getitem__(name)
         return float(array.sum()) if self.source is None else self.source.total(array)
+
+    def picked(self, name: str, at: NDArray[np.int64]) -> NDArray[Any]:
+        """Return some items of a field (components, m): only they are fetched."""
+        array = super().__getitem__(name)
+        found: NDArray[Any] = array[..., at] if self.source is None else self.source.picked(array, at)
+        return found
 
     def _fresh(self, value: Any) -> Any:
         if self.source is not None and isinstance(value, np.ndarray):

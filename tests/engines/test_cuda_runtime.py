@@ -43,6 +43,7 @@ class PlainDevice:
         self.gpu, self.failed = gpu, None
         self.uploaded: list[Any] = []
         self.downloaded: list[Any] = []
+        self.picks: list[tuple[int, ...]] = []
         self.held, self.faulty = 0, False
         made.append(self)
 
@@ -67,6 +68,10 @@ class PlainDevice:
 
     def total(self, there: Any) -> float:
         return float(there.sum())
+
+    def picked(self, there: Any, at: Any) -> Any:
+        self.picks.append(there.shape[:-1] + at.shape)
+        return there[..., at]
 
     def free(self) -> int:
         return self.gpu.free - self.held
@@ -163,6 +168,18 @@ def test_nothing_comes_back_until_it_is_looked_at_and_then_once(plain, driven):
     assert sorted(set(names(sim, plain().downloaded)) - {"x", "q", "v", "w", "force", "torque", "work"}) == ["damage"]
 
 
+def test_of_what_is_recorded_of_some_particles_no_others_come_back(plain, driven):
+    model, _ = driven()
+    sim = bd.Simulation(model, engine=Cuda("half-bonds", threads=8))
+    some = model.select([5, 9])
+    record = sim.record(every=5, load=bd.reaction(some, "x"), moved=bd.displacement(some, "x"))
+    sim.run(steps=10, quiet=True)
+    assert plain().picks == [(3, 2)] * 4  # force and x, after 5 and 10 steps
+    assert set(names(sim, plain().downloaded)) <= {"table"}
+    p = sim.particles
+    assert record.columns["moved"].values[-1] == pytest.approx((p.x - model.x)[[5, 9], 0].mean(), rel=1e-12)
+
+
 def test_only_the_edited_field_goes_up(plain, driven):
     sim = bd.Simulation(driven()[0], engine=Cuda("bonds", threads=8))
     sim.run(steps=3, quiet=True)
@@ -215,12 +232,16 @@ def test_a_look_while_the_host_is_newer_keeps_what_the_host_has(plain):
     mirror.written(host)
     there += 1.0
     assert mirror.total(host) == 21.0
+    assert np.array_equal(mirror.picked(host, np.array([2, 0])), [[3.0, 1.0], [6.0, 4.0]])
+    assert mirror.picked(host, np.array([], int)).shape == (2, 0)
     assert host.sum() == 15.0
     mirror.fetch(host)
     host[:] = -1.0
     mirror.changed(host)
     mirror.fetch(host)
     assert mirror.total(host) == -6.0
+    assert np.array_equal(mirror.picked(host, np.array([1])), [[-1.0], [-1.0]])
+    assert device.picks == [(2, 2)]
     assert mirror.copy_of(host).sum() == -6.0
     assert mirror.missing([host, np.zeros(4), host]) == 32
 

@@ -5,6 +5,7 @@ All that the engine asks of numba-cuda at run time stands in `Device`: another b
 
 import hashlib
 import importlib.metadata
+import math
 import os
 import tempfile
 import warnings
@@ -34,7 +35,7 @@ FATAL = (  # after these errors of the driver, nothing in GPU memory can be had 
     "INVALID_ADDRESS_SPACE", "INVALID_PC", "LAUNCH_FAILED", "ECC_UNCORRECTABLE", "DEVICE_LOST", "CONTEXT_IS_DESTROYED",
     "UNKNOWN",
 )  # fmt: skip
-SUM_BLOCKS, SUM_THREADS = 64, 256
+SMALL = 64, 256  # blocks and threads of the kernels that are no step
 RESIDENT = (384, 256, 1)  # threads that are to fit on a multiprocessor together: as many as do without spills
 CALLS = 16  # bytes of a thread that a linked kernel keeps in memory for its calls where blocks meet
 
@@ -90,9 +91,19 @@ class Device:
 
         with self._errors():
             if self._sums is None:
-                self._sums = cuda.device_array(SUM_BLOCKS * SUM_THREADS)
+                self._sums = cuda.device_array(math.prod(SMALL))
             strided_sums()(there.reshape(there.size), self._sums)
             return float(self._sums.copy_to_host().sum())
+
+    def picked(self, there: Any, at: NDArray[np.int64]) -> NDArray[Any]:
+        """Return items (the last index, at least one) of an array in GPU memory."""
+        from numba import cuda
+
+        rows = there.size // there.shape[-1]
+        with self._errors((rows + 1) * 8 * len(at)):
+            found = cuda.device_array((rows, len(at)), there.dtype)
+            picking()(there.reshape(rows, there.shape[-1]), cuda.to_device(at), found)
+            return np.asarray(found.copy_to_host()).reshape(*there.shape[:-1], len(at))
 
     # Kernels ----------------------------------------------------------------------------------------------------
 
@@ -281,6 +292,25 @@ def strided_sums() -> Any:
             total += values[k]
         sums[thread] = total
 
+    return _small(kernel)
+
+
+@cache
+def picking() -> Any:
+    """Return what launches a kernel that copies some columns of a table."""
+    from numba import cuda
+
+    def kernel(values: Any, at: Any, found: Any) -> None:
+        for k in range(cuda.grid(1), at.size, cuda.gridsize(1)):
+            for row in range(values.shape[0]):
+                found[row, k] = values[row, at[k]]
+
+    return _small(kernel)
+
+
+def _small(kernel: Callable[..., None]) -> Any:
+    from numba import cuda
+
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return cuda.jit(kernel)[SUM_BLOCKS, SUM_THREADS]
+        return cuda.jit(kernel)[SMALL]

@@ -30,6 +30,9 @@ class Memory(Protocol):
     def total(self, there: Any) -> float:
         """Return the sum of an array there."""
 
+    def picked(self, there: Any, at: NDArray[np.int64]) -> Array:
+        """Return items (the last index) of an array there."""
+
 
 @dataclass
 class Copy:
@@ -101,6 +104,12 @@ class Mirror:
         """Return the sum of all items of an array as they are now, taken where they are."""
         copy = self._newer_there(array)
         return float(np.sum(array)) if copy is None else self._memory.total(copy.there)
+
+    def picked(self, array: Array, at: NDArray[np.int64]) -> Array:
+        """Return items (the last index) of an array as they are now, taken where they are."""
+        copy = self._newer_there(array) if len(at) else None
+        found: Array = array[..., at] if copy is None else self._memory.picked(copy.there, at)
+        return found
 
     def _newer_there(self, array: Array) -> Copy | None:
         """Return the copy of an array where it is newer than the array."""

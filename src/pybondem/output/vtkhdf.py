@@ -6,7 +6,9 @@ changing fields are appended, and the ``Steps`` group says at which row each ste
 
 Crash safety rests on three choices. The file format is HDF5's earliest, which keeps no "open for writing" mark that a
 killed process would leave behind. A chunk belongs to one step and is written once. ``NSteps`` is raised only after the
-step it counts has been handed to the system, so readers never see a part of a step.
+step it counts has been handed to the system, so readers never see a part of a step. Its time alone goes to the system
+together with ``NSteps``, and after it: VTK reads all of ``Values`` into memory for ``NSteps`` numbers, and a file with
+one time more makes it write beyond them.
 """
 
 from __future__ import annotations
@@ -188,15 +190,17 @@ class VtkSeries:
         )
 
     def _write_step(self, time: float, rows: Mapping[str, Array]) -> None:
-        entry: dict[str, float] = dict.fromkeys(self._per_step, 0) | {"Values": time, "NumberOfParts": 1}
+        entry = dict.fromkeys(self._per_step, 0) | {"NumberOfParts": 1}
         for name, values in rows.items():
             begin = _write_at_step(self._rows[name], self.steps, values)
             entry["PointOffsets" if name == "Points" else name.replace("Data/", "DataOffsets/", 1)] = begin
+        times = self._per_step["Values"]
         for name, dataset in self._per_step.items():
-            dataset.resize(self.steps + 1, axis=0)
-            dataset[self.steps] = entry[name]
+            if dataset is not times:
+                _write_row(dataset, self.steps, entry[name])
         self._file.flush()
         self._steps_group.attrs.modify("NSteps", np.int64(self.steps + 1))
+        _write_row(times, self.steps, time)
         self._file.flush()
         self.steps += 1
         self._last_time = time
@@ -278,6 +282,12 @@ def _write_at_step(dataset: h5py.Dataset, step: int, values: Array) -> int:
     dataset.resize(begin + len(values), axis=0)
     dataset[begin:] = values
     return begin
+
+
+def _write_row(dataset: h5py.Dataset, step: int, value: float) -> None:
+    """Write what a dataset with one row a step has to say of a step."""
+    dataset.resize(step + 1, axis=0)
+    dataset[step] = value
 
 
 def _plain_array(given: ArrayLike, where: str) -> Array:
