@@ -24,7 +24,7 @@ import pybondem as bd
 from pybondem.assembly import assemble, step_program
 from pybondem.bonds import ValuedLaw
 from pybondem.engines.cuda_bonds import bond_text
-from pybondem.engines.cuda_compile import Capability, Compiled, compile_kernel
+from pybondem.engines.cuda_compile import Capability, Compiled, at_bounds, compile_kernel
 from pybondem.engines.cuda_half_bonds import half_bond_text
 from pybondem.engines.cuda_launch import CALLS, most_at_once
 from pybondem.engines.cuda_text import THREADS
@@ -83,13 +83,14 @@ def needs(law: str, variant: str, capability: Capability = (9, 0), threads: int 
     """Return what the kernel of a published law needs at the bounds that the engine takes; threads: of a block."""
     began = perf_counter()
     text = VARIANTS[variant](program(published()[law]), threads)
+    first = compile_kernel(text, capability, (threads, 1))
 
     @cache
-    def compiled(blocks: int) -> Compiled:
-        return compile_kernel(text, capability, (threads, blocks))
+    def bounded(blocks: int) -> Compiled:
+        return at_bounds(first, blocks)
 
-    resident = most_at_once(threads, lambda blocks: CALLS + (compiled(blocks).frame or 0))
-    made, (major, minor) = compiled(resident), capability
+    resident = most_at_once(threads, lambda blocks: CALLS + (bounded(blocks).frame or 0))
+    made, (major, minor) = bounded(resident), capability
     shared = sum(int(n) for n in re.findall(r"\.shared .*\[(\d+)\]", made.ptx))
     return Needs(
         law, variant, f"{major}.{minor}", (threads, resident), made.registers, made.spills, shared,

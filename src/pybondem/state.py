@@ -102,7 +102,7 @@ class Holder(Protocol):
     def total(self, array: NDArray[Any]) -> float:
         """Return the sum of all items of an array as they are now, which need not come to the host for it."""
 
-    def picked(self, array: NDArray[Any], at: NDArray[np.int64]) -> NDArray[Any]:
+    def picked(self, array: NDArray[Any], at: NDArray[np.integer[Any]]) -> NDArray[Any]:
         """Return some items (the last index) of an array as they are now; the others need not come to the host."""
 
 
@@ -132,7 +132,7 @@ class Fields(dict[str, Any]):
         array = super().__getitem__(name)
         return float(array.sum()) if self.source is None else self.source.total(array)
 
-    def picked(self, name: str, at: NDArray[np.int64]) -> NDArray[Any]:
+    def picked(self, name: str, at: NDArray[np.integer[Any]]) -> NDArray[Any]:
         """Return some items of a field (components, m): only they are fetched."""
         array = super().__getitem__(name)
         found: NDArray[Any] = array[..., at] if self.source is None else self.source.picked(array, at)

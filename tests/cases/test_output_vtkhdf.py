@@ -252,7 +252,7 @@ def test_killed_while_appending_leaves_every_step_that_was_reported(tmp_path, de
 
 
 def test_a_step_is_counted_before_its_time_is_there(tmp_path):
-    """HDF5 writes what has changed in the order of its place in the file: see the module on why this is the safe one."""
+    """HDF5 writes what has changed in the order of its place in the file; the module says why this is the safe one."""
     x, _ = model()
     with VtkSeries(tmp_path / "p.vtkhdf", x) as series:
         series.append(0.0, x)

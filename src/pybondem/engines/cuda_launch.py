@@ -95,7 +95,7 @@ class Device:
             strided_sums()(there.reshape(there.size), self._sums)
             return float(self._sums.copy_to_host().sum())
 
-    def picked(self, there: Any, at: NDArray[np.int64]) -> NDArray[Any]:
+    def picked(self, there: Any, at: NDArray[np.integer[Any]]) -> NDArray[Any]:
         """Return items (the last index, at least one) of an array in GPU memory."""
         from numba import cuda
 

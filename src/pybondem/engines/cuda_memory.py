@@ -30,7 +30,7 @@ class Memory(Protocol):
     def total(self, there: Any) -> float:
         """Return the sum of an array there."""
 
-    def picked(self, there: Any, at: NDArray[np.int64]) -> Array:
+    def picked(self, there: Any, at: NDArray[np.integer[Any]]) -> Array:
         """Return items (the last index) of an array there."""
 
 
@@ -105,7 +105,7 @@ class Mirror:
         copy = self._newer_there(array)
         return float(np.sum(array)) if copy is None else self._memory.total(copy.there)
 
-    def picked(self, array: Array, at: NDArray[np.int64]) -> Array:
+    def picked(self, array: Array, at: NDArray[np.integer[Any]]) -> Array:
         """Return items (the last index) of an array as they are now, taken where they are."""
         copy = self._newer_there(array) if len(at) else None
         found: Array = array[..., at] if copy is None else self._memory.picked(copy.there, at)
