@@ -53,7 +53,7 @@ def figure(folder: Path, effort: Effort, data: Path = DATA) -> Sheet:
     """Time a step of the cylinder on every engine and at every size, and return the sheet.
 
     All engines are timed, whatever the effort's engine; its threads are those of the engine cpu at its fastest. data:
-    folder of the results of GPUs, which are shown where this machine has none. About 20 minutes on two cores.
+    folder of the results of GPUs, which are shown where this machine has none. About 25 minutes on two cores.
     """
     plan = QUICK if effort.quick else FULL
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None  # by others: before anything is timed
