@@ -41,6 +41,29 @@ _BOUND: dict[Any, Any] = {}  # compiled code is never freed: bind each function 
 _MODULES: dict[str, ModuleType] = {}
 
 
+def prepare_numba() -> None:
+    """Ask for full-width vectors and for OpenMP threads; both must be set before Numba is given its first function.
+
+    Threads that wait at the end of a loop spin for some tens of microseconds, then sleep: for ever, as is OpenMP's
+    way, a machine with other work on its cores slows down twentyfold; not at all, and small models do.
+    """
+    os.environ.setdefault("GOMP_SPINCOUNT", SPINS)
+    if "NUMBA_CPU_FEATURES" not in os.environ and not config.CPU_FEATURES:
+        config.CPU_FEATURES = llvm.get_host_cpu_features().flatten() + ",-prefer-256-bit"
+    if "NUMBA_THREADING_LAYER" not in os.environ:
+        try:
+            from numba.np.ufunc import omppool  # noqa: F401
+        except ImportError:
+            config.THREADING_LAYER = "workqueue"
+            said = "OpenMP (libgomp) was not found: threads run on Numba's workqueue, slower on small models."
+            warnings.warn(said, stacklevel=2)
+        else:
+            config.THREADING_LAYER = "omp"
+
+
+prepare_numba()
+
+
 def inlined(function: FunctionType) -> Any:
     """Return a function that is always inlined, with IEEE division."""
     return numba.njit(forceinline=True, error_model="numpy")(function)
@@ -71,26 +94,6 @@ def physical_cores() -> int:
         path = Path(f"/sys/devices/system/cpu/cpu{cpu}/topology/thread_siblings_list")
         siblings.add(path.read_text().strip() if path.exists() else str(cpu))
     return max(1, len(siblings))
-
-
-def prepare_numba() -> None:
-    """Ask for full-width vectors and for OpenMP threads; both must be set before the first compilation.
-
-    Threads that wait at the end of a loop spin for some tens of microseconds, then sleep: for ever, as is OpenMP's
-    way, a machine with other work on its cores slows down twentyfold; not at all, and small models do.
-    """
-    os.environ.setdefault("GOMP_SPINCOUNT", SPINS)
-    if "NUMBA_CPU_FEATURES" not in os.environ and not config.CPU_FEATURES:
-        config.CPU_FEATURES = llvm.get_host_cpu_features().flatten() + ",-prefer-256-bit"
-    if "NUMBA_THREADING_LAYER" not in os.environ:
-        try:
-            from numba.np.ufunc import omppool  # noqa: F401
-        except ImportError:
-            config.THREADING_LAYER = "workqueue"
-            said = "OpenMP (libgomp) was not found: threads run on Numba's workqueue, slower on small models."
-            warnings.warn(said, stacklevel=2)
-        else:
-            config.THREADING_LAYER = "omp"
 
 
 def cache_folder() -> Path:
@@ -228,6 +231,3 @@ class Cpu:
     def prepare(self, program: Program) -> CpuRunner:
         """Return a runner for the program, compiled on first use on this machine (seconds), then cached."""
         return CpuRunner(program, self.threads)
-
-
-prepare_numba()
