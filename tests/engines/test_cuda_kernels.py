@@ -90,6 +90,16 @@ def test_a_cuda_kernel_with_a_users_law_is_one_cooperative_kernel_in_doubles(gpu
         assert made.spills < MOST_SPILLS
 
 
+@needs_compiler
+def test_a_cuda_kernel_at_other_bounds_needs_what_it_does_compiled_for_them(gpu_compile):
+    text = gpu_compile.VARIANTS["half-bonds"](gpu_compile.program(gpu_compile.published()["plastic_slip"]))
+    loose, tight = (compile_kernel(text, (9, 0), (text.threads, blocks)) for blocks in (1, 3))
+    assert cuda_compile.at_bounds(loose, 3)[1:] == tight[1:]
+    assert tight.registers is None or tight[1:] != loose[1:]
+    with pytest.raises(AssertionError, match="without a number of blocks"):
+        cuda_compile.at_bounds(compile_kernel(text), 3)
+
+
 MEETINGS = {  # what the kernel calls, and where a block (BLOCK) or the whole grid (GRID) waits for itself
     "bonds": "begin pack1 GRID bonds1 GRID turn GRID unpack unpack1 GRID",
     "half-bonds": "begin pack_bonds GRID evaluate BLOCK turn BLOCK GRID unpack unpack_bonds GRID",

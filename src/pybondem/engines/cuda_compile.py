@@ -165,7 +165,8 @@ def at_bounds(made: Compiled, blocks: int) -> Compiled:
 
     The bound is one line of the assembly, which is all that is translated again: a tenth of the time.
     """
-    ptx = re.sub(r"(?<=\.minnctapersm )\d+", str(blocks), made.ptx)
+    ptx, found = re.subn(r"(?<=\.minnctapersm )\d+", str(blocks), made.ptx)
+    assert found == 1, "the kernel was compiled without a number of blocks"
     return Compiled(ptx, *_needs(ptx))
 
 
